@@ -35,7 +35,7 @@ class Decades:
         ]
         self._weight = np.array(believed, dtype=float) / DECADE
 
-    def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def penalty_terms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Sum of the squared standard deviations (S,), half its gradient and its curvature (S, P),
         at x (S, P).
         """

@@ -298,7 +298,7 @@ class Problem:
 class Believed(Protocol):
     """What is believed of free numbers, beside the data."""
 
-    def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def penalty_terms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Cost (S,), half its gradient (S, P) and its curvature (S, P) at x (S, P)."""
         ...
 
@@ -324,7 +324,7 @@ class Misfit:
         parts = self.problem.normal_equations(x, self.objective, most)
         cost, gradient, hessian = (part.sum(axis=1) for part in parts)
         if self.believed is not None:
-            pull, down, curved = self.believed.pull(x)
+            pull, down, curved = self.believed.penalty_terms(x)
             cost += self._scale * pull
             gradient += self._scale * down
             np.einsum("sii->si", hessian)[:] += self._scale * curved
@@ -343,7 +343,7 @@ class Misfit:
         cost, gradient, hessian = self.problem.normal_equations(x, self.objective)
         if self.believed is None:
             return cost, gradient, hessian
-        own = tuple(self._scale * part for part in self.believed.pull(x))
+        own = tuple(self._scale * part for part in self.believed.penalty_terms(x))
         curved = own[2][:, None, :, None] * np.eye(x.shape[1])
         return (
             np.concatenate([cost, own[0][:, None]], axis=1),

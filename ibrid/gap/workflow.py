@@ -1,5 +1,5 @@
-"""find_gap(model, sweep): refit, locate, name, repair, verify; and refuse where the data do not
-carry an answer.
+"""find_gap(model, sweep): refit, locate, repair, name and validate; no verdict beyond what the data
+support.
 """
 
 from collections.abc import Callable, Sequence
@@ -11,26 +11,38 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
-from ibrid.gap.amplitudes.amplitudes import Amplitudes
+from ibrid.gap.amplitudes.amplitudes import AmplitudeDataset
 from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData, amplitude_data
 from ibrid.gap.answers.amplitude_answer import Nonlinear, alone, beside, unnamed
 from ibrid.gap.answers.answer import answer_of
 from ibrid.gap.answers.event_answer import event_answer
 from ibrid.gap.answers.result import AmplitudeAnswer, Gap
 from ibrid.gap.answers.suggesting import Suggest, low_order_blocks
-from ibrid.gap.answers.verdict import Findings, missed, verdict_of
-from ibrid.gap.answers.watching import Watch
+from ibrid.gap.answers.verdict import Findings, relative_misfit, verdict_of
+from ibrid.gap.answers.watching import ProgressReporter
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.recordings.event_question import NO_REST, Asked, asked
-from ibrid.gap.recordings.records import Records
-from ibrid.gap.refitting.held_out import predicts
-from ibrid.gap.refitting.model import Model, Values, best_first, fits, scale_of
-from ibrid.gap.refitting.noise import Noise, noise_of
+from ibrid.gap.recordings.event_question import NO_REST, EventProblem, build_event_problem
+from ibrid.gap.recordings.records import EventDataset
+from ibrid.gap.refitting.held_out import predicts_no_worse
+from ibrid.gap.refitting.model import (
+    Model,
+    Values,
+    estimate_noise_scale,
+    explains_data,
+    rank_by_bic,
+)
+from ibrid.gap.refitting.noise import Noise, estimate_noise
 from ibrid.gap.refitting.prior import Nominal, Prior, prior_of, values_of
-from ibrid.gap.repair import Bench, explained_in_another_form, first_trials, looked_back, repair
+from ibrid.gap.repair import (
+    RepairState,
+    eliminate_backward,
+    explain_with_other_delays,
+    rank_first_trials,
+    repair,
+)
 from ibrid.gap.trials.budget import Budget
-from ibrid.gap.trials.data import Data
-from ibrid.gap.trials.trial import TRIAL_DRAWS, Workshop
+from ibrid.gap.trials.data import Dataset
+from ibrid.gap.trials.trial import TRIAL_DRAWS, SweepDataset
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.recordings.events import Events
@@ -46,10 +58,9 @@ from ibrid.structure.reading.wiring import wire
 from ibrid.study import Study, StudyOptions
 from ibrid.telling import Tell, telling
 
-#: Times at most that everything is tried, each time with the noise that the time before left over.
+#: Searches at most where the noise is not known, each with the residual of the one before as noise.
 PASSES = 3
-#: Fewest frequencies of every operating point from which a small-signal answer can be had beside
-#: several amplitudes.
+#: Frequencies that each operating point must keep for a small-signal answer of several amplitudes.
 FEWEST = 4
 
 
@@ -68,55 +79,58 @@ def find_gap(
     events: Events | None = None,
     **options: Unpack[StudyOptions],
 ) -> Gap:
-    """Where a model and a measurement disagree, which physical effect is missing, and the model
-    with it.
+    """Find where a model and a measurement disagree and which physical effect is missing.
 
     Parameters
     ----------
-    diagram : the model that is believed in; of a record, its fitted values are the nominal ones.
-    sweep : the measured
-        device, or a study of it; with several injection amplitudes the response is tested for
-        linearity first, and a current limit or a dead zone is looked for where it fails.
-    values : nominal values, name -> value or {"value", "tolerance"}; they hold the refit as a prior
-    (one standard
-        deviation of the logarithm: 0.25 for the plant, ln 2 for everything else).
-    holdout_op, vocabulary, seed, port, labels : as of `ibrid.study.Study`, but that labels are
-    uncertain unless it is said
-        here that they are exact; held-out points are predicted before and after. A gap is sought
-        with shared parameters and the exact equilibrium alone.
-    catalogue : effects that may be missing, also `(*CATALOGUE, MINE)`; `CATALOGUE` when not given.
-    suggest : who is asked for edits where something is located in a sweep that the catalogue does
-    not know.
-    progress : where a line says what is going on: "interactive" (a terminal or a notebook),
-        "auto", "terminal", "plain", "notebook", "silent"; or who is told
-        (words, share).
-    effort : "low", "normal" or "high": experiments after which nothing new is tried
-    (`ibrid.gap.trials.budget.EXPERIMENTS`); the
-        answer is then the best so far, `complete` is False, and it excludes nothing.
-    so_far : is given the answer so far every 10 s.
-    events : records in time, fitted together with the sweep, or alone where that is None; limits
-    and protections are
-        looked for, too, and `holdout_op` may name records.
+    diagram : Diagram or Record
+        The given model; of a record, its fitted values are the nominal ones.
+    sweep : Sweep, Study or None
+        The measured device. With several injection amplitudes the response is tested for linearity
+        first; where it fails, a current limit or a dead zone is sought.
+    values : mapping
+        Nominal values, name -> value or {"value", "tolerance"}: a prior of the refit, with one
+        standard deviation of the logarithm 0.25 for the plant and ln 2 for everything else.
+    catalogue : sequence of Effect
+        Effects that may be missing, also `(*CATALOGUE, MINE)`; `CATALOGUE` when not given.
+    suggest : sequence of Suggest
+        Sources of further edits where something is located that the catalogue does not know.
+    progress : str or Tell
+        Where progress is shown: "interactive" (a terminal or a notebook), "auto", "terminal",
+        "plain", "notebook", "silent"; or a function of (words, share).
+    effort : str
+        "low", "normal" or "high": experiments after which nothing new is tried
+        (`ibrid.gap.trials.budget.EXPERIMENTS`). The answer is then the best so far, `complete` is
+        False, and it excludes nothing.
+    so_far : Callable
+        Is given the answer so far every 10 s.
+    events : Events
+        Event records, fitted together with the sweep, or alone where that is None. Limits and
+        protections are sought, too, and `holdout_op` may name records.
+    holdout_op, vocabulary, seed, port, labels
+        As of `ibrid.study.Study`, but that labels are uncertain unless declared exact. Parameters
+        are shared and the equilibrium is exact.
 
     Returns
     -------
-    Gap with one of six verdicts: no-gap, parameters-only, named, located-unnamed, unexplained,
-    data-convention.
+    Gap
+        With one of six verdicts: no-gap, parameters-only, named, located-unnamed, unexplained,
+        data-convention.
 
     Raises
     ------
-    IbridError : an illegal model, a name that it lacks, an operating point that the sweep lacks, or
-    no fit at all.
+    IbridError
+        An illegal model, a name that it lacks, an operating point that the sweep lacks, or no fit.
     """
     effects = CATALOGUE if catalogue is None else tuple(catalogue)
     if events is not None:
-        return _of_events(
-            asked(diagram, sweep, values, events, options), effects, progress, effort, so_far
-        )
+        event_problem = build_event_problem(diagram, sweep, values, events, options)
+        return _find_event_gap(event_problem, effects, progress, effort, so_far)
     if isinstance(sweep, Study) and sweep.events is not None:
         raise IbridError("a study of records alone has no admittances; give its records as events")
     if isinstance(diagram, Record):
-        diagram, values = diagram.diagram, values or values_of(diagram)
+        values = values or values_of(diagram)
+        diagram = diagram.diagram
     if sweep is None:
         raise IbridError("a gap is sought in a sweep, in events, or in both; found neither")
     study = Study.of(sweep, **options)
@@ -134,79 +148,116 @@ def find_gap(
     gate = linearity(study.fitted)
     budget = Budget(effort)
     with telling(progress) as tell:
-        ask = _Question(
-            diagram, study, values, prior, effects, suggest, Watch(tell, so_far), budget
-        )
-        gap = _answered(ask) if gate is None else _answered_at_amplitudes(ask, gate)
-    return replace(gap, **budget.account(gap.sentence))
+        reporter = ProgressReporter(tell, so_far)
+        problem = _GapProblem(diagram, study, values, prior, effects, suggest, reporter, budget)
+        gap = _find_sweep_gap(problem) if gate is None else _find_amplitude_gap(problem, gate)
+    return replace(gap, **budget.summarise(gap.sentence))
 
 
-def _of_events(
-    question: Asked,
+def _find_event_gap(
+    event_problem: EventProblem,
     catalogue: tuple[Effect, ...],
     progress: str | Tell,
     effort: str,
     so_far: Callable[[Gap], None] | None,
 ) -> Gap:
-    """The answer where there are records in time."""
+    """Find the gap in event records, alone or with a sweep.
+
+    Records that a program of fixed steps may have made are read as such where that leaves clearly
+    less, of the given model or of its best trial.
+    """
     kernel.load()
     budget = Budget(effort)
     with telling(progress) as tell:
-        watch = Watch(tell, so_far)
-        ask, data = _reading(question, catalogue, watch, budget)
-        given, first = _given(ask, data), None
-        if given is not None and question.in_fixed_steps is not None:
-            stepped_ask, stepped_data = _reading(question.in_fixed_steps, catalogue, watch, budget)
-            is_stepped, (given,) = stepped_data.answers_better([given], data)
+        reporter = ProgressReporter(tell, so_far)
+        problem, data = _read_records(event_problem, catalogue, reporter, budget)
+        given = _fit_given(problem, data)
+        first_trials = None
+        stepped = event_problem.in_fixed_steps
+        if given is not None and stepped is not None:
+            stepped_problem, stepped_data = _read_records(stepped, catalogue, reporter, budget)
+            is_stepped, (given,) = stepped_data.explains_better_than([given], data)
             if not is_stepped:
-                first = _first_tried(ask, data, given)
-                is_stepped, _ = stepped_data.answers_better(first.leading, data)
+                first_trials = _rank_first_trials(problem, data, given)
+                is_stepped, _ = stepped_data.explains_better_than(first_trials.leading, data)
             if is_stepped:
-                ask, data = stepped_ask, stepped_data
-                given, first = _given(ask, data), None
+                problem, data = stepped_problem, stepped_data
+                given = _fit_given(problem, data)
+                first_trials = None
         if given is None:
             raise IbridError(NO_REST)
-        found = _doubted(ask, data, _all_tried(ask, first or _first_tried(ask, data, given)))
-    gap = ask.answer(found, data)
-    return replace(gap, **budget.account(gap.sentence))
+        if first_trials is None:
+            first_trials = _rank_first_trials(problem, data, given)
+        findings = _verify_sampling_noise(problem, data, _repair_and_validate(first_trials))
+    gap = problem.answer(findings, data)
+    return replace(gap, **budget.summarise(gap.sentence))
 
 
-def _doubted(ask: "_Question", data: Records, findings: Findings) -> Findings:
-    """Findings, or what explains the records as far as the answer tells what sampling leaves open,
-    where that does not.
+def _verify_sampling_noise(
+    problem: "_GapProblem", data: EventDataset, findings: Findings
+) -> Findings:
+    """Check findings against the sampling noise that the named model itself implies.
+
+    Where the named model does not explain the records by that noise, a competing edit that does
+    takes its place.
     """
     fitter = data.fitter
-    if verdict_of(findings) != "named" or not data.doubts(findings.best):
+    if verdict_of(findings) != "named" or not data.is_refuted_by_own_noise(findings.best):
         return findings
     rivals = data.rivals(findings.given, findings.best)
-    best = next((one for one in rivals if one.adequate() and data.stable(one)), None)
+    best = next((one for one in rivals if one.is_adequate() and data.is_stable(one)), None)
     if best is None:
-        data.reweigh(fitter)
+        data.use_noise_of(fitter)
         return findings
-    steps = [
-        *findings.steps,
+    step = (
         "the answer does not explain the records as far as it tells itself what sampling leaves "
-        "open",
-    ]
-    given = data.as_weighed(findings.given)
-    bench = Bench(data, ask.watch, steps, findings.tests)
-    return _told(bench, given, rivals, *looked_back(bench, given, best, rivals))
+        "open"
+    )
+    given = data.reevaluate(findings.given)
+    state = RepairState(data, problem.progress, [*findings.steps, step], findings.tests)
+    return _validate(state, given, rivals, *eliminate_backward(state, given, best, rivals))
 
 
-def _reading(
-    question: Asked, catalogue: tuple[Effect, ...], watch: Watch, budget: Budget
-) -> tuple["_Question", Records]:
-    """What is asked of records as they are read, and the data that answer it."""
-    prior = question.prior()
-    about = (question.diagram, question.study, question.values, prior, catalogue, ())
-    return _Question(*about, watch, budget, question), question.records(prior, catalogue, budget)
+def _read_records(
+    event_problem: EventProblem,
+    catalogue: tuple[Effect, ...],
+    progress: ProgressReporter,
+    budget: Budget,
+) -> tuple["_GapProblem", EventDataset]:
+    """Return the problem of event records, and these as a dataset."""
+    prior = event_problem.prior()
+    problem = _GapProblem(
+        diagram=event_problem.diagram,
+        swept=event_problem.study,
+        values=event_problem.values,
+        prior=prior,
+        catalogue=catalogue,
+        suggest=(),
+        progress=progress,
+        budget=budget,
+        events=event_problem,
+    )
+    return problem, event_problem.records(prior, catalogue, budget)
 
 
 @dataclass(frozen=True, eq=False)
-class _Question:
-    """What is asked of a study; of records alone nothing was swept, and there is none.
+class _GapProblem:
+    """The problem that `find_gap` is given.
 
-    `of_events` : where there are records.
+    Parameters
+    ----------
+    diagram : Diagram
+        The given model.
+    swept : Study or None
+        The sweeps; None for event records alone.
+    values : mapping or None
+        Nominal values as given; `prior` is what they mean.
+    catalogue : tuple of Effect
+        Effects that may be missing.
+    suggest : sequence of Suggest
+        Sources of further edits.
+    events : EventProblem or None
+        The event records, where there are some.
     """
 
     diagram: Diagram
@@ -215,280 +266,348 @@ class _Question:
     prior: Prior
     catalogue: tuple[Effect, ...]
     suggest: Sequence[Suggest]
-    watch: Watch
+    progress: ProgressReporter
     budget: Budget
-    of_events: Asked | None = None
+    events: EventProblem | None = None
 
     @property
     def study(self) -> Study:
-        """Of the sweeps."""
+        """The study of the sweeps."""
         assert self.swept is not None, "records alone ask for no sweep"
         return self.swept
 
-    def workshop(self, noise: Noise) -> Workshop:
-        """The small-signal sweep at a noise."""
+    def with_sweep(self, sweep: Sweep) -> "_GapProblem":
+        """Return the problem with another sweep."""
+        return replace(self, swept=replace(self.study, sweep=sweep))
+
+    def sweep_dataset(self, noise: Noise) -> SweepDataset:
+        """Return the small-signal sweep, weighted by a noise."""
         study = self.study
-        return Workshop(
+        return SweepDataset(
             noise, study.kinds, self.prior, self.catalogue, study.seed, study.labels, self.budget
         )
 
-    def answer(self, findings: Findings, data: Data, suggest: Sequence[Suggest] = ()) -> Gap:
-        """The Gap that findings amount to; where the budget was not enough for all, nothing is
-        excluded.
-        """
-        findings = replace(findings, complete=findings.complete and not self.budget.stopped)
-        if isinstance(data, Records) and self.of_events is not None:
-            return event_answer(findings, data, self.of_events)
-        assert isinstance(data, Workshop), (
-            "amplitudes are answered by what is nonlinear beside a sweep"
-        )
+    def answer(self, findings: Findings, data: Dataset, suggest: Sequence[Suggest] = ()) -> Gap:
+        """Return the Gap of findings; it excludes nothing where the budget was spent."""
+        complete = findings.complete and not self.budget.stopped
+        findings = replace(findings, complete=complete)
+        if isinstance(data, EventDataset) and self.events is not None:
+            return event_answer(findings, data, self.events)
+        assert isinstance(data, SweepDataset), "amplitudes are answered by `_find_amplitude_gap`"
+        study = self.study
         return answer_of(
-            findings, data, self.diagram, self.study.sweep, self.study.held, self.values, suggest
+            findings, data, self.diagram, study.sweep, study.held, self.values, suggest
         )
 
 
-def _answered(ask: _Question) -> Gap:
-    """The answer where there is one amplitude."""
-    noise = noise_of(ask.study.fitted)
-    result = _findings(ask, noise)
+# --- one injection amplitude
+# ----------------------------------------------------------------------------------------------
+
+
+def _find_sweep_gap(problem: _GapProblem) -> Gap:
+    """Find the gap in a sweep with one injection amplitude.
+
+    Where every model leaves more than the measured noise, the data are weighted by the residual of
+    models instead.
+    """
+    noise = estimate_noise(problem.study.fitted)
+    result = _find_with_noise(problem, noise)
     if result is None:
         raise IbridError(
             "the model has no response at these operating points; check p, q, v and the per-unit "
             "base"
         )
-    if noise.known and verdict_of(result[0]) == "unexplained" and not ask.budget.over():
-        loose = _findings(ask, noise.of_models(missed(result[0].best))) or result
-        result = _explained(ask, *result, loose[0].best) or loose
-    return ask.answer(*result, () if ask.budget.over() else ask.suggest)
+    findings, dataset = result
+    is_unexplained = verdict_of(findings) == "unexplained"
+    if noise.known and is_unexplained and not problem.budget.is_exhausted():
+        model_error = noise.with_model_error(relative_misfit(findings.best))
+        loose = _find_with_noise(problem, model_error) or result
+        result = _explain_after_all(problem, findings, dataset, loose[0].best) or loose
+    suggest = () if problem.budget.is_exhausted() else problem.suggest
+    return problem.answer(*result, suggest)
 
 
-def _explained(
-    ask: _Question, told: Findings, shop: Workshop, loose: Model
-) -> tuple[Findings, Workshop] | None:
-    """What was found at the noise of models, where it fits as well as the noise of the data allows
-    after all; else None.
+def _explain_after_all(
+    problem: _GapProblem, findings: Findings, dataset: SweepDataset, loose: Model
+) -> tuple[Findings, SweepDataset] | None:
+    """Refit a model found by looser weights; None where the measured noise rejects it.
+
+    loose : the best model of data weighted by the residual of models.
     """
-    best = shop.refitted(loose, [loose.refit.values], draws=TRIAL_DRAWS) if loose.edits else None
-    if best is None or not fits(best, shop.noise, told.scale):
+    if not loose.edits:
         return None
-    steps = [*told.steps, "the noise of models led to what fits the noise of the data"]
-    bench, trials = Bench(shop, ask.watch, steps, told.tests), [*told.trials]
-    return _told(bench, told.given, trials, *looked_back(bench, told.given, best, trials)), shop
+    best = dataset.refit_model(loose, [loose.refit.values], draws=TRIAL_DRAWS)
+    if best is None or not explains_data(best, dataset.noise, findings.scale):
+        return None
+    step = "the noise of models led to what fits the noise of the data"
+    state = RepairState(dataset, problem.progress, [*findings.steps, step], findings.tests)
+    given = findings.given
+    trials = list(findings.trials)
+    repaired = eliminate_backward(state, given, best, trials)
+    return _validate(state, given, trials, *repaired), dataset
 
 
-# --- several amplitudes
+# --- several injection amplitudes
 # ----------------------------------------------------------------------------------------------
 
 
-def _answered_at_amplitudes(ask: _Question, gate: Linearity) -> Gap:
-    """The answer where there are several amplitudes; gate : of the fitted points.
+def _find_amplitude_gap(problem: _GapProblem, gate: Linearity) -> Gap:
+    """Find the gap in sweeps at several injection amplitudes.
 
-    Where the response depends on the amplitude by more than products of signals cause, a
-    nonlinearity is looked for in all amplitudes together, and the small-signal sweep has the other
-    frequencies alone.
+    Where the response depends on the amplitude by more than intermodulation causes, a nonlinearity
+    is sought in all amplitudes together, and the small-signal sweep keeps the other frequencies.
+
+    gate : linearity of the fitted points.
     """
-    sweep, small = ask.study.sweep, small_signal(ask.study.sweep, gate)
-    answer = AmplitudeAnswer(
-        gate, 0 if small is None else min(len(point.frequency) for point in small.points)
-    )
+    sweep = problem.study.sweep
+    small = small_signal(sweep, gate)
+    kept = 0 if small is None else min(len(point.frequency) for point in small.points)
+    answer = AmplitudeAnswer(gate, kept)
     if not len(gate.refused) and small is not None:
-        gap = _answered(replace(ask, swept=replace(ask.study, sweep=small)))
+        gap = _find_sweep_gap(problem.with_sweep(small))
         return replace(gap, sentence=f"{gap.sentence} {gate.sentence}", amplitude=answer)
-    small = small if answer.kept >= FEWEST else None
-    data = amplitude_data(ask.study.fitted)
-    nonlinear = None if data is None else _nonlinear(ask, ask.diagram, data, answer)
+    smallest = at_amplitudes(sweep)[0]
+    if answer.kept < FEWEST:
+        small = None
+    data = amplitude_data(problem.study.fitted)
+    nonlinear = None
+    if data is not None:
+        nonlinear = _find_nonlinearity(problem, problem.diagram, data, answer)
     if nonlinear is not None and nonlinear.best is not None and nonlinear.named:
-        gap = _linear(
-            ask, at_amplitudes(sweep)[0] if small is None else small, nonlinear.best.values
-        )
-        all_data, nominal = nonlinear.data, None
-        if ask.values:
-            nominal = all_data.data.linear_nrmse(
-                all_data.refitter.at_values(ask.diagram, {}).responses
-            )
+        gap = _answer_linear(problem, smallest if small is None else small, nonlinear.best.values)
+        nominal = None
+        if problem.values:
+            linear = nonlinear.data.refitter.evaluate_values(problem.diagram, {})
+            nominal = nonlinear.data.data.linear_nrmse(linear.responses)
         return alone(gap, nonlinear, nominal)
     if small is None:
-        gap = _linear(
-            ask,
-            at_amplitudes(sweep)[0],
-            {} if nonlinear is None else nonlinear.found.given.refit.values,
-        )
-        return unnamed(gap, nonlinear, answer)
-    gap = _answered(replace(ask, swept=replace(ask.study, sweep=small)))
+        values = {} if nonlinear is None else nonlinear.found.given.refit.values
+        return unnamed(_answer_linear(problem, smallest, values), nonlinear, answer)
+    gap = _find_sweep_gap(problem.with_sweep(small))
     if gap.verdict == "named" and data is not None:
-        again = _nonlinear(ask, gap.diagram, data, answer)
-        if again is not None and again.named:
-            return beside(gap, again)
+        with_repair = _find_nonlinearity(problem, gap.diagram, data, answer)
+        if with_repair is not None and with_repair.named:
+            return beside(gap, with_repair)
     return unnamed(gap, nonlinear, answer)
 
 
-def _nonlinear(
-    ask: _Question, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer
+def _find_nonlinearity(
+    problem: _GapProblem, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer
 ) -> Nonlinear | None:
-    """What all amplitudes together tell beside a linear model; None where that has no response."""
-    amplitudes = Amplitudes(data, ask.study.kinds, ask.prior, ask.study.seed, ask.budget)
-    found = _tried(ask, diagram, amplitudes, ())
-    return None if found is None else Nonlinear(found, amplitudes, gate)
+    """Find a nonlinearity of a linear model in all amplitudes; None where that has no response."""
+    study = problem.study
+    dataset = AmplitudeDataset(data, study.kinds, problem.prior, study.seed, problem.budget)
+    findings = _find_in_dataset(problem, diagram, dataset, ())
+    return None if findings is None else Nonlinear(findings, dataset, gate)
 
 
-def _linear(ask: _Question, sweep: Sweep, values: Values) -> Gap:
-    """The linear model at given values as an answer that names nothing."""
-    ask = replace(ask, catalogue=CATALOGUE, swept=replace(ask.study, sweep=sweep))
-    shop = ask.workshop(noise_of(ask.study.fitted))
-    given = Model(
-        ask.diagram, Convention(), shop.refitter(Convention()).at_values(ask.diagram, values)
-    )
-    found = Findings(shop.noise, given, given, (), (), (), 1.0, 0, ())
-    return ask.answer(found, shop)
+def _answer_linear(problem: _GapProblem, sweep: Sweep, values: Values) -> Gap:
+    """Return the answer of the linear model at given values, in which nothing is named."""
+    problem = replace(problem.with_sweep(sweep), catalogue=CATALOGUE)
+    dataset = problem.sweep_dataset(estimate_noise(problem.study.fitted))
+    fitter = dataset.refitter(Convention())
+    fit = fitter.evaluate_values(problem.diagram, values)
+    given = Model(problem.diagram, Convention(), fit)
+    findings = Findings(dataset.noise, given, given, (), (), (), 1.0, 0, ())
+    return problem.answer(findings, dataset)
 
 
 # --- any kind of data
 # ----------------------------------------------------------------------------------------------
 
 
-def _findings(ask: _Question, noise: Noise) -> tuple[Findings, Workshop] | None:
-    """Everything tried; again with what is left over as the noise, where that is not known and not
-    what was assumed.
+def _find_with_noise(problem: _GapProblem, noise: Noise) -> tuple[Findings, SweepDataset] | None:
+    """Search a sweep, and again with the residual as the noise where that is not known and differs.
 
-    A sigma that is too small lets the data pull parameters where no prior would have them, along
-    directions that the data hardly see; whatever stops that seems to be missing. None where the
-    given model has no response.
+    With a sigma that is too small the data move parameters against the prior, along directions that
+    are hardly identifiable; what prevents that seems to be missing. None where the given model has
+    no response.
     """
-    shop = ask.workshop(noise)
-    findings = _tried(ask, ask.diagram, shop, ())
+    dataset = problem.sweep_dataset(noise)
+    findings = _find_in_dataset(problem, problem.diagram, dataset, ())
     for _ in range(PASSES - 1):
-        if findings is None or not findings.weighed_wrongly or ask.budget.over():
+        is_spent = problem.budget.is_exhausted()
+        if findings is None or not findings.noise_disagrees or is_spent:
             break
-        noise = findings.noise.times(findings.scale)
-        shop, again = (
-            ask.workshop(noise),
-            f"the noise is not known: begun again with {noise.level:.2g} of |Y|",
-        )
-        findings = _tried(ask, ask.diagram, shop, (again,))
-    return None if findings is None else (findings, shop)
+        noise = findings.noise.scaled(findings.scale)
+        step = f"the noise is not known: begun again with {noise.level:.2g} of |Y|"
+        dataset = problem.sweep_dataset(noise)
+        findings = _find_in_dataset(problem, problem.diagram, dataset, (step,))
+    return None if findings is None else (findings, dataset)
+
+
+def _find_in_dataset(
+    problem: _GapProblem, diagram: Diagram, data: Dataset, steps: Sequence[str]
+) -> Findings | None:
+    """Fit, repair and validate a model on one dataset; None where it has no response."""
+    problem = replace(problem, diagram=diagram)
+    given = _fit_given(problem, data)
+    if given is None:
+        return None
+    return _repair_and_validate(_rank_first_trials(problem, data, given, steps))
+
+
+def _fit_given(problem: _GapProblem, data: Dataset) -> Model | None:
+    """Fit the given model; None where it has no response."""
+    problem.progress.stage(0.1)
+    problem.progress(0, 1, "the given model refitted")
+    return data.fit_given(problem.diagram)
 
 
 @dataclass(frozen=True, eq=False)
-class _First:
-    """The given model, refitted, and the first trials of it."""
+class _FirstTrials:
+    """The refitted given model and the trials of its edits, lowest BIC first."""
 
-    bench: Bench
+    state: RepairState
     given: Model
     trials: list[Model]
 
     @property
     def leading(self) -> list[Model]:
-        """The given model, and the trial that fits best."""
-        return [self.given, *sorted(self.trials, key=lambda one: one.refit.cost)[:1]]
+        """The given model, and the trial of lowest cost."""
+        return [self.given, *sorted(self.trials, key=lambda trial: trial.refit.cost)[:1]]
 
 
-def _tried(ask: _Question, diagram: Diagram, data: Data, steps: Sequence[str]) -> Findings | None:
-    """Everything tried; None where the given model has no response."""
-    ask = replace(ask, diagram=diagram)
-    given = _given(ask, data)
-    return None if given is None else _all_tried(ask, _first_tried(ask, data, given, steps))
-
-
-def _given(ask: _Question, data: Data) -> Model | None:
-    """The given model refitted; None where it has no response."""
-    ask.watch.stage(0.1)
-    ask.watch(0, 1, "the given model refitted")
-    return data.given(ask.diagram)
-
-
-def _first_tried(ask: _Question, data: Data, given: Model, steps: Sequence[str] = ()) -> _First:
-    bench = Bench(data, ask.watch, [*data.remarks, *steps])
-    bench.steps.append(
+def _rank_first_trials(
+    problem: _GapProblem, data: Dataset, given: Model, steps: Sequence[str] = ()
+) -> _FirstTrials:
+    """Fit every edit of the given model."""
+    state = RepairState(data, problem.progress, [*data.remarks, *steps])
+    state.steps.append(
         f"refitted the given model: chi2 {given.refit.chi2:.4g} of {given.refit.dof:.4g} expected"
     )
-    if not isinstance(data, Amplitudes):
-        bench.so_far = partial(_so_far, ask, bench)
-    ask.watch.stage(0.4)
-    return _First(bench, *first_trials(bench, given))
+    if not isinstance(data, AmplitudeDataset):
+        state.so_far = partial(_report_so_far, problem, state)
+    problem.progress.stage(0.4)
+    return _FirstTrials(state, *rank_first_trials(state, given))
 
 
-def _all_tried(ask: _Question, first: _First) -> Findings:
-    bench, given, trials = first.bench, first.given, first.trials
-    data, noise = bench.shop, bench.shop.noise
-    ask.watch.stage(0.6)
-    bench.scale = scale_of(noise, [given, *trials])
-    explaining = any(fits(one, noise, bench.scale) for one in [given, *trials])
-    explained = None if explaining else explained_in_another_form(bench, given, trials)
-    if not (noise.known or explaining or explained is not None):
-        bench.ports = _ports(bench, given)  # a single place may tell how large the noise is
-        bench.scale = scale_of(noise, [given, *trials], [one.chi2_per_dof for one in bench.ports])
-    trials = best_first(trials, bench.scale)
-    best, rivals = repair(bench, given, trials, explained)
-    if not fits(best, data.noise, bench.scale) and (rough := data.roughly()) is not None:
-        bench.steps.append(
-            "what is left is within what sampling leaves open as nominal values tell it: nothing "
-            "is named"
-        )
-        given, best, trials, rivals = rough, rough, [], []
-    return _told(bench, given, trials, best, rivals)
+def _repair_and_validate(first: _FirstTrials) -> Findings:
+    """Select the edits that repair a model, and validate them on data they were not fitted to.
+
+    The scale of an unknown noise is estimated from the best fits, and, where no edit explains the
+    data, from the port map, too.
+    """
+    state = first.state
+    given = first.given
+    data = state.dataset
+    noise = data.noise
+    fits = [given, *first.trials]
+    state.progress.stage(0.6)
+    state.scale = estimate_noise_scale(noise, fits)
+    is_explained = any(explains_data(fit, noise, state.scale) for fit in fits)
+    explained = None
+    if not is_explained:
+        explained = explain_with_other_delays(state, given, first.trials)
+    if not (noise.known or is_explained or explained is not None):
+        state.ports = _compute_port_map(state, given)
+        state.scale = _estimate_scale(state, noise, fits)
+    trials = rank_by_bic(first.trials, state.scale)
+    best, rivals = repair(state, given, trials, explained)
+    if not explains_data(best, data.noise, state.scale):
+        nominal_fit = data.fall_back_to_nominal_noise()
+        if nominal_fit is not None:
+            state.steps.append(
+                "what is left is within what sampling leaves open as nominal values tell it: "
+                "nothing is named"
+            )
+            return _validate(state, nominal_fit, [], nominal_fit, [])
+    return _validate(state, given, trials, best, rivals)
 
 
-def _told(
-    bench: Bench, given: Model, trials: list[Model], best: Model, rivals: list[list[Model]]
+def _validate(
+    state: RepairState, given: Model, trials: list[Model], best: Model, rivals: list[list[Model]]
 ) -> Findings:
-    """What a repair found, where it predicts what it was not fitted to."""
-    data, noise = bench.shop, bench.shop.noise
-    best = best if best is given else data.begun_from_beliefs(best)
-    before, after = (
-        (data.held_out(given), data.held_out(best)) if best is not given else (None, None)
-    )
-    if (
-        before is not None
-        and after is not None
-        and not predicts(before, after, len(noise.sweep.points))
-    ):
-        bench.steps.append(
+    """Drop a repair that predicts held-out data worse than the given model, and collect findings.
+
+    Parameters
+    ----------
+    best, rivals
+        The repaired model and the competitors of its edits, as `repair` returns them.
+    """
+    data = state.dataset
+    noise = data.noise
+    before = None
+    after = None
+    if best is not given:
+        best = data.refit_from_prior(best)
+    if best is not given:
+        before = data.cross_validate(given)
+        after = data.cross_validate(best)
+    points = len(noise.sweep.points)
+    if before is not None and after is not None and not predicts_no_worse(before, after, points):
+        state.steps.append(
             "the repair predicts data that it was not fitted to worse than the given model: dropped"
         )
-        best, after, rivals = given, None, []
-    bench.ports = bench.ports or _ports(
-        bench, given, best if fits(best, noise, bench.scale) else None
+        best = given
+        after = None
+        rivals = []
+    if not state.ports:
+        repaired = best if explains_data(best, noise, state.scale) else None
+        state.ports = _compute_port_map(state, given, repaired)
+    state.scale = _estimate_scale(state, noise, [given, best, *trials])
+    return Findings(
+        noise=noise,
+        given=given,
+        best=best,
+        rivals=tuple(map(tuple, rivals)),
+        trials=tuple(trials),
+        ports=state.ports,
+        scale=state.scale,
+        tests=state.tests,
+        steps=tuple(state.steps),
+        before=before,
+        after=after,
     )
-    bench.scale = scale_of(noise, [given, best, *trials], [one.chi2_per_dof for one in bench.ports])
-    told = (tuple(trials), bench.ports, bench.scale, bench.tests, tuple(bench.steps), before, after)
-    return Findings(noise, given, best, tuple(map(tuple, rivals)), *told)
 
 
-def _ports(bench: Bench, given: Model, repaired: Model | None = None) -> tuple[PortFit, ...]:
-    """The port map of a model that is not adequate."""
-    if given.adequate():
+def _estimate_scale(state: RepairState, noise: Noise, models: Sequence[Model]) -> float:
+    """Estimate the factor on the noise from models and from the port map."""
+    return estimate_noise_scale(noise, models, [fit.chi2_per_dof for fit in state.ports])
+
+
+def _compute_port_map(
+    state: RepairState, given: Model, repaired: Model | None = None
+) -> tuple[PortFit, ...]:
+    """Compute the port map of a model that is not adequate; () of another.
+
+    repaired : a model that explains the data, whose values the fits begin with.
+    """
+    if given.is_adequate():
         return ()
-    if repaired is None and bench.shop.budget.over():
-        bench.steps.append("no port map: the effort was spent")
+    if repaired is None and state.dataset.budget.is_exhausted():
+        state.steps.append("no port map: the effort was spent")
         return ()
-    bench.watch.stage(0.5)
-    bench.watch(0, 1, "the port map")
-    return bench.shop.ports(given, bench.steps, repaired)
+    state.progress.stage(0.5)
+    state.progress(0, 1, "the port map")
+    return state.dataset.compute_port_map(given, state.steps, repaired)
 
 
-def _so_far(
-    ask: _Question, bench: Bench, given: Model, best: Model, trials: Sequence[Model]
+def _report_so_far(
+    problem: _GapProblem, state: RepairState, given: Model, best: Model, trials: Sequence[Model]
 ) -> None:
-    """Pass on what would be answered now."""
+    """Report the answer as it is now; its experiments are not counted."""
 
     def answer() -> Gap:
-        noise, steps = bench.shop.noise, tuple(bench.steps)
         findings = Findings(
-            noise,
-            given,
-            best,
-            (),
-            tuple(trials),
-            (),
-            bench.scale,
-            bench.tests,
-            steps,
+            noise=state.dataset.noise,
+            given=given,
+            best=best,
+            rivals=(),
+            trials=tuple(trials),
+            ports=(),
+            scale=state.scale,
+            tests=state.tests,
+            steps=tuple(state.steps),
             complete=False,
         )
-        with ask.budget.aside():
-            gap = ask.answer(findings, bench.shop)
+        with problem.budget.without_counting():
+            gap = problem.answer(findings, state.dataset)
         return replace(
-            gap, sentence=f"So far: {gap.sentence}", experiments=ask.budget.made, complete=False
+            gap,
+            sentence=f"So far: {gap.sentence}",
+            experiments=problem.budget.made,
+            complete=False,
         )
 
-    ask.watch.so_far(answer)
+    problem.progress.so_far(answer)

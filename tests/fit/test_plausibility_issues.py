@@ -65,7 +65,7 @@ def test_a_small_resistance_is_not_absurd():
     )
 
 
-def entry_of(tmp_path, **changes):
+def read_nominal_value(tmp_path, **changes):
     """The entry of a fitted step with such a record."""
     diagram, record = record_with("gfl_pll_filter_exact")
     record = replace(record, nrmse=5e-4, over_noise=None, free_parameters=13, **changes)
@@ -79,8 +79,8 @@ def entry_of(tmp_path, **changes):
 def test_a_parameter_at_its_bound_costs_rank(tmp_path):
     (tmp_path / "free").mkdir()
     sound, bound = (
-        entry_of(tmp_path),
-        entry_of(tmp_path / "free", at_bound=("plant.L_F", "decoupling.L")),
+        read_nominal_value(tmp_path),
+        read_nominal_value(tmp_path / "free", at_bound=("plant.L_F", "decoupling.L")),
     )
     assert bound.reward == pytest.approx(sound.reward - 2 * CRITERION.settings.bound)
     assert (sound.sort, sound.plain) == ("phase", CRITERION.parent_reward(5e-4, 0))
@@ -88,7 +88,7 @@ def test_a_parameter_at_its_bound_costs_rank(tmp_path):
 
 def test_a_diagram_with_an_absurd_plant_is_of_another_sort(tmp_path):
     absurd = {name: {**TRUE, "plant.R_F": 1.0} for name in benchmark().names}
-    found = entry_of(tmp_path, parameters=absurd)
+    found = read_nominal_value(tmp_path, parameters=absurd)
     assert found.sort == "phase, absurd plant"
     assert found.plain == CRITERION.parent_reward(SCREENING.doubtful_error, 0)
 

@@ -11,7 +11,13 @@ from fitted import benchmark
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError
 from ibrid.fit.problem import Misfit, Problem
-from ibrid.gap.refitting.prior import KNEE, Belief, Beliefs, prior_of, read_values
+from ibrid.gap.refitting.prior import (
+    RATIO_LIMIT,
+    NominalValue,
+    ParameterPrior,
+    prior_of,
+    read_values,
+)
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.diagrams.library import textbook, textbook_text
@@ -26,44 +32,44 @@ def parameter(low: float, high: float) -> Parameter:
     return type(one)(**{**vars(one), "low": low, "high": high})
 
 
-def sigmas(low: float, high: float, belief: Belief, *values: float) -> list[float]:
+def deviations(low: float, high: float, belief: NominalValue, *values: float) -> list[float]:
     one = parameter(low, high)
-    beliefs = Beliefs([one], {one.name: belief})
-    return [float(beliefs.sigmas(np.array([value]))[0]) for value in values]
+    beliefs = ParameterPrior([one], {one.name: belief})
+    return [float(beliefs.deviations(np.array([value]))[0]) for value in values]
 
 
 def test_a_factor_of_one_tolerance_is_one_standard_deviation_in_a_positive_box():
-    assert sigmas(1e-3, 1e3, Belief(2.0, np.log(2)), 1.0, 2.0, 4.0) == pytest.approx(
+    assert deviations(1e-3, 1e3, NominalValue(2.0, np.log(2)), 1.0, 2.0, 4.0) == pytest.approx(
         [-1.0, 0.0, 1.0]
     )
 
 
 def test_a_positive_gain_that_may_change_its_sign_is_held_to_ratios_too():
-    found = sigmas(-100.0, 100.0, Belief(2.0, np.log(2)), 1.0, 2.0, 4.0)
+    found = deviations(-100.0, 100.0, NominalValue(2.0, np.log(2)), 1.0, 2.0, 4.0)
     assert found == pytest.approx([-1.0, 0.0, 1.0], abs=0.01)
 
 
 def test_zero_and_the_other_sign_are_far_off_but_finite():
-    zero, other = sigmas(-100.0, 100.0, Belief(2.0, np.log(2)), 0.0, -2.0)
-    assert zero == pytest.approx(-np.arcsinh(1 / KNEE) / np.log(2))
+    zero, other = deviations(-100.0, 100.0, NominalValue(2.0, np.log(2)), 0.0, -2.0)
+    assert zero == pytest.approx(-np.arcsinh(1 / RATIO_LIMIT) / np.log(2))
     assert other == pytest.approx(2 * zero)
 
 
 def test_a_nominal_value_of_zero_has_an_absolute_tolerance():
-    assert sigmas(-100.0, 100.0, Belief(0.0, 0.25), -0.5, 0.0, 0.25) == pytest.approx(
+    assert deviations(-100.0, 100.0, NominalValue(0.0, 0.25), -0.5, 0.0, 0.25) == pytest.approx(
         [-2.0, 0.0, 1.0]
     )
 
 
 def test_what_went_far_from_its_nominal_value_is_put_back_and_nothing_else():
     one = parameter(1e-3, 1e3)
-    beliefs = Beliefs([one, one], dict.fromkeys([one.name], Belief(2.0, np.log(2))))
+    beliefs = ParameterPrior([one, one], dict.fromkeys([one.name], NominalValue(2.0, np.log(2))))
     theta = np.array([2.0 * 2**-3.1, 2.0 * 2**2.9])
-    back = beliefs.coordinates.to_theta(beliefs.put_back(beliefs.coordinates.to_x(theta)))
+    back = beliefs.coordinates.to_theta(beliefs.reset_implausible(beliefs.coordinates.to_x(theta)))
     assert back == pytest.approx([2.0, theta[1]])
 
 
-def believed(program: str, values) -> dict[str, Belief]:
+def believed(program: str, values) -> dict[str, NominalValue]:
     wiring = wire(parse_program(program), VOCABULARY)
     return prior_of(values, wiring, parameter_table(wiring, "exact"))
 
@@ -126,7 +132,7 @@ def test_equal_values_of_a_shared_parameter_are_one_and_a_tolerance_counts_where
     )
     exact = {"value": 0.5, "tolerance": 0.1}
     for values in ({"p_loop.kP": exact, "q_loop.kP": 0.5}, {"p_loop.kP": 0.5, "q_loop.kP": exact}):
-        assert believed(SHARED, values) == {"power.kP": Belief(0.5, 0.1)}
+        assert believed(SHARED, values) == {"power.kP": NominalValue(0.5, 0.1)}
 
 
 @pytest.mark.parametrize("content", ["[" * 200_000, '{"a":' * 200_000, "[1, 2", "\x00", "[0.15]"])
@@ -152,10 +158,10 @@ def test_what_stands_for_nominal_values_is_said_in_words_of_json(content: str, w
 
 def test_slopes_are_those_of_finite_differences_also_across_the_sign():
     one = parameter(-100.0, 100.0)
-    beliefs = Beliefs([one], {one.name: Belief(0.7, 0.3)})
+    beliefs = ParameterPrior([one], {one.name: NominalValue(0.7, 0.3)})
     for value in (-1.0, -0.01, 0.0, 0.02, 0.7, 5.0):
         step = 1e-6
-        ahead, behind = (beliefs.sigmas(np.array([value + sign * step]))[0] for sign in (1, -1))
+        ahead, behind = (beliefs.deviations(np.array([value + sign * step]))[0] for sign in (1, -1))
         assert beliefs.slope(np.array([value]))[0] == pytest.approx(
             (ahead - behind) / (2 * step), rel=1e-5
         )
@@ -170,7 +176,9 @@ def test_the_penalty_has_the_gradient_of_finite_differences():
     problem = Problem(model, sweep.points)
     names = [one.name for one in problem.numbers]
     table = parameter_table(wiring, "exact")
-    beliefs = Beliefs(model.parameters, prior_of({names[0]: 0.2, names[-1]: 3.0}, wiring, table))
+    beliefs = ParameterPrior(
+        model.parameters, prior_of({names[0]: 0.2, names[-1]: 3.0}, wiring, table)
+    )
     penalised = Misfit(problem, "chi2", beliefs)
     x = beliefs.start({}) + 0.1
 

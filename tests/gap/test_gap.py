@@ -14,7 +14,7 @@ import ibrid
 from ibrid.analysis.models.prediction import predict
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.refitting.held_out import HeldOut, predicts
+from ibrid.gap.refitting.held_out import ValidationErrors, predicts_no_worse
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.conventions.rotation import rotation
@@ -466,17 +466,17 @@ def test_nominal_values_that_mean_nothing_are_refused_in_a_sentence(values, said
 @pytest.mark.parametrize(
     ("before", "after", "points", "good"),
     [
-        (HeldOut(5.0, 8.0), HeldOut(1.0, 1.1), 4, True),
-        (HeldOut(1.0, 1.0), HeldOut(1.1, 1.1), 4, True),
-        (HeldOut(1.0, 1.0), HeldOut(1.5, 0.9), 4, False),
-        (HeldOut(1.0, 1.0), HeldOut(0.9, 1.5), 4, False),
-        (HeldOut(1.0, 1.0), HeldOut(0.9, 1.5), 2, True),
-        (HeldOut(1.0, None), HeldOut(None, None), 1, False),
-        (HeldOut(None, None), HeldOut(None, None), 1, True),
+        (ValidationErrors(5.0, 8.0), ValidationErrors(1.0, 1.1), 4, True),
+        (ValidationErrors(1.0, 1.0), ValidationErrors(1.1, 1.1), 4, True),
+        (ValidationErrors(1.0, 1.0), ValidationErrors(1.5, 0.9), 4, False),
+        (ValidationErrors(1.0, 1.0), ValidationErrors(0.9, 1.5), 4, False),
+        (ValidationErrors(1.0, 1.0), ValidationErrors(0.9, 1.5), 2, True),
+        (ValidationErrors(1.0, None), ValidationErrors(None, None), 1, False),
+        (ValidationErrors(None, None), ValidationErrors(None, None), 1, True),
     ],
 )
 def test_a_repair_must_not_predict_worse_than_what_it_repairs(before, after, points, good):
-    assert predicts(before, after, points) is good
+    assert predicts_no_worse(before, after, points) is good
 
 
 @pytest.mark.nightly

@@ -7,9 +7,9 @@ from math import log
 import pytest
 
 import ibrid
-from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.gap.refitting.prior import prior_of
-from ibrid.gap.trials.trial import Workshop
+from ibrid.gap.trials.trial import SweepDataset
 from ibrid.gap.workflow import find_gap
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions
@@ -39,12 +39,12 @@ def effects(*ids: str):
 )
 def test_without_nominal_values_the_textbook_program_explains_its_own_device(name):
     sweep, diagram = ibrid.read_sweep(ibrid.benchmarks()[name]), parse_program(PLANTS[name].program)
-    shop = Workshop(noise_of(sweep), VOCABULARY, {}, CATALOGUE, 0)
-    given = shop.given(diagram)
+    dataset = SweepDataset(estimate_noise(sweep), VOCABULARY, {}, CATALOGUE, 0)
+    given = dataset.fit_given(diagram)
     assert given is not None
-    assert given.adequate()
+    assert given.is_adequate()
     # draws about typical values alone end elsewhere
-    alone = shop.refitter(given.convention).refit(diagram, [{}], draws=16)
+    alone = dataset.refitter(given.convention).refit(diagram, [{}], draws=16)
     assert alone is not None
     assert alone.chi2 > 10 * alone.numbers
 

@@ -30,7 +30,7 @@ def case() -> Case:
     return draw_case("effect", 3, effects=["pll_prefilter:add"], severity="gross", noise_db=60)
 
 
-def asked(*suggest) -> Gap:
+def build_event_problem(*suggest) -> Gap:
     return find_gap(
         parse_program(case().program), case().sweep, case().values, catalogue=(), suggest=suggest
     )
@@ -38,7 +38,7 @@ def asked(*suggest) -> Gap:
 
 @shared
 def plain() -> Gap:
-    return asked(low_order_blocks)
+    return build_event_problem(low_order_blocks)
 
 
 def questions() -> list[Question]:
@@ -49,7 +49,7 @@ def questions() -> list[Question]:
         heard.append(question)
         return []
 
-    asked(listen)
+    build_event_problem(listen)
     return heard
 
 
@@ -90,7 +90,7 @@ def test_an_illegal_suggestion_is_refused_and_a_repeated_one_is_weighed_once():
             Suggestion(broken, "the same again", "somebody else"),
         ]
 
-    (one,) = asked(suggest).suggested
+    (one,) = build_event_problem(suggest).suggested
     assert one.words == "a loose block"
     assert one.reason.startswith("not legal: ")
 
@@ -106,7 +106,7 @@ def test_whoever_suggests_is_told_the_places_and_the_measured_transfer():
 
 @pytest.mark.nightly
 def test_the_rules_of_the_search_find_the_filter():
-    gap = asked(suggestions_of(Rules(), MANY))
+    gap = build_event_problem(suggestions_of(Rules(), MANY))
     passed = [one for one in gap.suggested if not one.reason]
     assert passed, [one.words for one in gap.suggested]
     assert {one.source for one in gap.suggested} == {"rules"}
@@ -125,7 +125,7 @@ def test_a_language_model_suggests_and_can_do_no_harm(monkeypatch):
     )
     with scripted(says("import os; os.remove('/')"), says(good)) as script:
         ((model, _),) = Proposers("llm", [f"any@{script.url}"]).weighted()
-        gap = asked(suggestions_of(model, 2))
+        gap = build_event_problem(suggestions_of(model, 2))
     passed = [one for one in gap.suggested if not one.reason]
     assert [one.words for one in passed] == ["a filter before the PLL"]
     assert "unknown transfer" in str(script.requests[0])

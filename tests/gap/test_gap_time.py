@@ -15,11 +15,11 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.gap.answers.files import gap_json
 from ibrid.gap.answers.result import Gap
-from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.gap.refitting.prior import prior_of
-from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.refitting.refit import SweepFitter
 from ibrid.gap.trials.budget import Budget
-from ibrid.gap.trials.trial import Workshop
+from ibrid.gap.trials.trial import SweepDataset
 from ibrid.gap.workflow import find_gap
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
@@ -90,14 +90,14 @@ def test_every_look_and_every_refit_is_an_experiment_whatever_is_known_already(m
     diagram, budget = parse_program(case.program), Budget()
     wiring = wire(diagram, VOCABULARY)
     prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
-    shop = Workshop(noise_of(case.sweep), VOCABULARY, prior, FEW, 0, budget=budget)
-    given = shop.given(diagram)
+    dataset = SweepDataset(estimate_noise(case.sweep), VOCABULARY, prior, FEW, 0, budget=budget)
+    given = dataset.fit_given(diagram)
     assert given is not None
-    edit = shop.insertions(given)[0]
+    edit = dataset.insertions(given)[0]
     experiments = (
-        lambda: shop.glanced(given, edit),
-        lambda: shop.edited(given, edit),
-        lambda: shop.again(given, [{}]),
+        lambda: dataset.screen_edit(given, edit),
+        lambda: dataset.fit_edit(given, edit),
+        lambda: dataset.refit_from(given, [{}]),
     )
     for experiment in (*experiments, *experiments):
         before = budget.made
@@ -105,7 +105,7 @@ def test_every_look_and_every_refit_is_an_experiment_whatever_is_known_already(m
         assert budget.made == before + 1
     before = budget.made
     read = list(
-        shop.read_otherwise(given, 0.0)
+        dataset.fit_other_conventions(given, 0.0)
     )  # nothing is near enough to be refitted, but all are looked at
     assert budget.made > before + len(read)
     monkeypatch.setattr("ibrid.gap.answers.watching.EVERY", 0.0)
@@ -157,12 +157,12 @@ def test_of_many_data_a_few_lead_to_the_minimum_of_all(monkeypatch):
         points=4,
         frequencies=60,
     )
-    diagram, noise = parse_program(case.program), noise_of(case.sweep)
+    diagram, noise = parse_program(case.program), estimate_noise(case.sweep)
     wiring = wire(diagram, VOCABULARY)
     prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
-    led = Refitter(noise, VOCABULARY, prior, 0).refit(diagram, [{}], draws=8)
+    led = SweepFitter(noise, VOCABULARY, prior, 0).fit(diagram, [{}], draws=8)
     monkeypatch.setattr("ibrid.gap.refitting.refit.MANY", 10**6)
-    slow = Refitter(noise, VOCABULARY, prior, 0).refit(diagram, [{}], draws=8)
+    slow = SweepFitter(noise, VOCABULARY, prior, 0).fit(diagram, [{}], draws=8)
     assert led is not None
     assert slow is not None
     assert led.numbers == slow.numbers == 60 * 4 * 8

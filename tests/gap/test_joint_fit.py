@@ -20,7 +20,7 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.recordings.event_fit import EventFitter
 from ibrid.gap.recordings.event_noise import event_noise
-from ibrid.gap.recordings.event_question import asked
+from ibrid.gap.recordings.event_question import build_event_problem
 from ibrid.gap.recordings.joint_fit import evaluate_events, evaluate_records
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.events import EventRecord, Events
@@ -115,7 +115,7 @@ def inside(record: Record, names: Sequence[str]) -> list[str]:
 
 @pytest.mark.slow
 def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose_model_jumps():
-    question = asked(
+    question = build_event_problem(
         ibrid.textbook(TEXTBOOK),
         None,
         VISIBLE,
@@ -124,31 +124,31 @@ def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose
     )
     data = question.records(question.prior())
     fitter, diagram = data.fitter, question.diagram
-    ended = fitter.settled(
-        fitter.at_values(diagram, (), {**VISIBLE, "pll.kP_pll": 61.0, "power.kI": 19.7})
+    ended = fitter.polish(
+        fitter.evaluate_values(diagram, (), {**VISIBLE, "pll.kP_pll": 61.0, "power.kI": 19.7})
     )
-    value, slopes = ended.misfit.valued(ended.x)
+    value, slopes = ended.misfit.evaluate_objective(ended.x)
     gradient, hessian = slopes()
     gain = 0.5 * gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-9)[0]  # of a step of Newton
     assert value < 0.55 * ended.numbers  # half of chi2, of as many numbers
     assert gain < 1e-3 * value
     freeze = next(limit for limit in LIMITS if limit.id == "pll_freeze")
-    jumps = fitter.at_values(diagram, (freeze,), VISIBLE)
-    assert fitter.settled(jumps) is jumps
+    jumps = fitter.evaluate_values(diagram, (freeze,), VISIBLE)
+    assert fitter.polish(jumps) is jumps
 
 
 @pytest.mark.slow
 def test_coarse_steps_lead_predictions_too_and_differ_where_a_fast_mode_rings():
-    question = asked(
+    question = build_event_problem(
         ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09"), {}
     )
     misfit = question.records(question.prior()).fitter.misfit(question.diagram, ())
-    assert not misfit.coarse.led
-    assert misfit.predicting.coarse.led
+    assert not misfit.coarse.is_predicting
+    assert misfit.prediction.coarse.is_predicting
     assert misfit.coarse.coarse is misfit.coarse
-    x = misfit.beliefs.start(VISIBLE)
-    assert misfit.coarse_differs(x, 1.0)
-    assert not misfit.coarse_differs(x, 1e4)
+    x = misfit.parameter_prior.start(VISIBLE)
+    assert misfit.coarse_steps_matter(x, 1.0)
+    assert not misfit.coarse_steps_matter(x, 1e4)
 
 
 @shared
@@ -390,12 +390,13 @@ def test_far_from_the_noise_a_fast_record_is_fitted_by_fewer_samples_and_a_slow_
     assert np.diff(time) == pytest.approx(2e-4)
     wrong, right = ({**TRUTH, "plant.L_g": TRUTH["plant.L_g"] * factor} for factor in (1.005, 1.0))
     costs = [
-        fast.decimated.best_of([one], 1)[0].cost / fast.decimated.count for one in (wrong, right)
+        fast.decimated.start_descents_from([one], 1)[0].cost / fast.decimated.count
+        for one in (wrong, right)
     ]
     assert costs[0] > 10
     assert costs[1] < 1.5
-    begun = fast.best_of([wrong], 1)[0]
-    begun.go(8, 3)
+    begun = fast.start_descents_from([wrong], 1)[0]
+    begun.run(8, 3)
     assert begun.cost < 1.1 * fast.count
 
 

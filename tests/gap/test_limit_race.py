@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from ibrid_bench.events.cases import NAMES, EventCase, draw
 
-from ibrid.gap.recordings.event_misfit import Descending, of_record
+from ibrid.gap.recordings.event_misfit import EventDescent, event_parameter
 from ibrid.gap.recordings.event_places import LimitPlace
-from ibrid.gap.recordings.event_question import asked
-from ibrid.gap.recordings.release import HOLD, MOMENT, by_moments
+from ibrid.gap.recordings.event_question import build_event_problem
+from ibrid.gap.recordings.release import HOLD, MOMENT, moments_from_hold
 from ibrid.gap.refitting.model import Model
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
@@ -22,15 +22,15 @@ from ibrid.parts.catalogue import CATALOGUE, insertions
 def raced(hidden: str, seed: int, noise_db: float, *, swept: bool) -> tuple[Model, EventCase]:
     """The best of a drawn device's model with each limit, and the case."""
     case = draw(hidden, seed, noise_db, swept=swept)
-    question = asked(
+    question = build_event_problem(
         case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
     )
     records = question.records(question.prior())
-    given = records.given(question.diagram)
+    given = records.fit_given(question.diagram)
     assert given is not None
-    assert not given.adequate()
+    assert not given.is_adequate()
     limits = [one for one in records.insertions(given) if isinstance(one, LimitPlace)]
-    fits = [one for one in (records.edited(given, limit) for limit in limits) if one is not None]
+    fits = [one for one in (records.fit_edit(given, limit) for limit in limits) if one is not None]
     return min(fits, key=lambda one: one.cost()), case
 
 
@@ -38,7 +38,7 @@ def raced(hidden: str, seed: int, noise_db: float, *, swept: bool) -> tuple[Mode
 def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_value():
     best, case = raced("command_limit", 1, 60.0, swept=False)
     (place,), (told,) = best.edits, case.limits.values()
-    assert best.adequate()
+    assert best.is_adequate()
     assert isinstance(place, LimitPlace)
     assert (place.limit.id, place.limit.windup) == ("command_limit", told["windup"])
     assert abs(best.refit.values["command_limit.u_max"] / told["u_max"] - 1.0) < 1e-3
@@ -48,7 +48,7 @@ def test_of_all_forms_the_limit_that_a_device_has_explains_its_records_with_its_
 def test_a_cessation_is_found_with_its_hold_though_the_filter_rings_when_it_begins():
     best, case = raced("momentary_cessation", 1, 60.0, swept=True)
     (place,), (told,) = best.edits, case.limits.values()
-    assert best.adequate()
+    assert best.is_adequate()
     assert isinstance(place, LimitPlace)
     assert place.limit.id == "momentary_cessation"
     found = {
@@ -65,19 +65,19 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
     """
     begun = []
     monkeypatch.setattr(
-        "ibrid.gap.recordings.limit_trials.race",
+        "ibrid.gap.recordings.limit_trials.screen_limits",
         lambda fitter, places, beside, origins, led: (
             begun.append(origins[0]) or [None for _ in places]
         ),
     )
     case = draw("current_limit", 5, 40.0, swept=True)
-    question = asked(
+    question = build_event_problem(
         case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
     )
     records = question.records(question.prior())
-    given = records.given(question.diagram)
+    given = records.fit_given(question.diagram)
     assert given is not None
-    assert not given.adequate()
+    assert not given.is_adequate()
     records.insertions(given)
     loops = {
         name: key for key, name in NAMES.items() if name in ("pll.kP_pll", "power.kI", "plant.C_F")
@@ -92,30 +92,31 @@ def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_re
 ):
     monkeypatch.setattr("ibrid.gap.recordings.edit_trials.RACED", 1)
     case = draw("pll_filter", 3, None, swept=True)
-    question = asked(
+    question = build_event_problem(
         case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
     )
     records = question.records(question.prior(), CATALOGUE)
-    given = records.given(question.diagram)
+    given = records.fit_given(question.diagram)
     assert given is not None
     edits = insertions(given.diagram, records.kinds, CATALOGUE)
-    filters = [records.edited(given, one) for one in edits if one.effect == "pll_prefilter"]
-    assert any(one is not None and one.adequate() for one in filters)
+    filters = [records.fit_edit(given, one) for one in edits if one.effect == "pll_prefilter"]
+    assert any(one is not None and one.is_adequate() for one in filters)
 
 
 @pytest.mark.slow
 def test_no_limit_is_tried_where_the_sweep_asks_for_an_edit_that_explains_all(monkeypatch):
     monkeypatch.setattr(
-        "ibrid.gap.recordings.limit_trials.race", lambda *_, **__: pytest.fail("a limit was tried")
+        "ibrid.gap.recordings.limit_trials.screen_limits",
+        lambda *_, **__: pytest.fail("a limit was tried"),
     )
     case = draw("damping", 1, 60.0, swept=True)
-    question = asked(
+    question = build_event_problem(
         case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
     )
     records = question.records(
         question.prior(), [one for one in CATALOGUE if one.id == "active_damping"]
     )
-    given = records.given(question.diagram)
+    given = records.fit_given(question.diagram)
     assert given is not None
     edits = records.insertions(given)
     assert edits
@@ -130,37 +131,37 @@ def test_a_cessation_that_comes_twice_starts_where_the_current_sets_in_for_good(
     )
     axes = [np.stack([one, np.zeros_like(one)], axis=1) for one in (v, i)]
     events = Events((EventRecord(OperatingPoint("dip", 0.8, 0.0, 1.0), time, *axes, 0.04),))
-    behind, seen = by_moments(
+    behind, seen = moments_from_hold(
         {"momentary_cessation.v_block": 0.7, HOLD: 0.02, "momentary_cessation.ramp": 9.0}, events
     )
-    assert behind[of_record(MOMENT, "dip")] == pytest.approx(0.16 - 0.04 + 0.02, abs=1e-3)
-    assert seen[of_record(MOMENT, "dip")] == pytest.approx(0.25 - 0.04, abs=1e-3)
+    assert behind[event_parameter(MOMENT, "dip")] == pytest.approx(0.16 - 0.04 + 0.02, abs=1e-3)
+    assert seen[event_parameter(MOMENT, "dip")] == pytest.approx(0.25 - 0.04, abs=1e-3)
     assert HOLD not in {**behind, **seen}
 
 
-class Stepping(Descending):
+class Stepping(EventDescent):
     """A descent that stays where it is: on a step there is no slope."""
 
-    def go(self, rounds: int, steps: int) -> "Stepping":
+    def run(self, rounds: int, steps: int) -> "Stepping":
         return self
 
 
 def test_a_number_at_which_the_model_jumps_is_looked_for_a_little_way_off_where_its_slope_ends():
-    def best(x: np.ndarray, number: int) -> list[Stepping]:
+    def start_descents(x: np.ndarray, number: int) -> list[Stepping]:
         costs = [2.0 if one[0] < 0.015 or one[1] else 0.5 for one in x]
         steps = [Stepping(misfit, one, cost) for one, cost in zip(x, costs, strict=True)]
         return sorted(steps, key=lambda step: step.cost)[:number]
 
-    nowhere = SimpleNamespace(best=lambda x, number: [])
+    nowhere = SimpleNamespace(start_descents=lambda x, number: [])
     misfit: Any = SimpleNamespace(
-        best=best,
-        predicting=nowhere,
-        beliefs=SimpleNamespace(put_back=lambda x: x),
+        start_descents=start_descents,
+        prediction=nowhere,
+        parameter_prior=SimpleNamespace(reset_implausible=lambda x: x),
         count=1,
-        jumping=np.array([True, False]),
+        is_discontinuous=np.array([True, False]),
         box=(np.full(2, -1.0), np.full(2, 1.0)),
     )
     descent = Stepping(misfit, np.zeros(2), 2.0)
-    descent.to_its_end()
+    descent.restart_while_improving()
     assert descent.cost == 0.5
     assert descent.x.tolist() == [0.016, 0.0]

@@ -18,8 +18,8 @@ from sharing import shared
 from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData, amplitude_data
-from ibrid.gap.amplitudes.nonlinear_fit import NonlinearSearch, State
-from ibrid.gap.amplitudes.nonlinear_places import NonlinearPlace, places
+from ibrid.gap.amplitudes.nonlinear_fit import NonlinearPoint, NonlinearSearch
+from ibrid.gap.amplitudes.nonlinear_places import NonlinearPlace, list_nonlinear_places
 from ibrid.gap.answers.files import gap_json
 from ibrid.gap.answers.result import Gap
 from ibrid.gap.refitting.prior import prior_of
@@ -61,7 +61,11 @@ def searched(
     diagram = parse_program(case(kind).program)
     wiring = wire(diagram, VOCABULARY)
     prior = prior_of(case(kind).values, wiring, parameter_table(wiring, "exact"))
-    place = next(one for one in places(diagram, VOCABULARY) if effect in (one.effect, one.words))
+    place = next(
+        one
+        for one in list_nonlinear_places(diagram, VOCABULARY)
+        if effect in (one.effect, one.words)
+    )
     data = amplitude_data(sweep)
     assert data is not None
     return NonlinearSearch(place, diagram, VOCABULARY, data, prior), data
@@ -69,10 +73,10 @@ def searched(
 
 def at_truth(
     kind: NonlinearKind, effect: str, threshold: float
-) -> tuple[State, AmplitudeData, NonlinearPlace]:
+) -> tuple[NonlinearPoint, AmplitudeData, NonlinearPlace]:
     search, data = searched(kind, case(kind).sweep, effect)
-    start = search.beliefs.start(case(kind).truth["values"])
-    beside = search._beside(start)
+    start = search.parameter_prior.start(case(kind).truth["values"])
+    beside = search._open_model(start)
     assert beside is not None
     counted = threshold
     if search.place.shape.limits:  # from the largest current at rest
@@ -222,7 +226,7 @@ def test_a_nonlinearity_without_a_name_is_not_called_by_one_that_has():
     assert gap.amplitude.tried[0].threshold == pytest.approx(0.004, rel=0.05)
 
 
-def linear(kind: NonlinearKind, words: str) -> State:
+def linear(kind: NonlinearKind, words: str) -> NonlinearPoint:
     return at_truth(kind, words, 1.0)[0]
 
 

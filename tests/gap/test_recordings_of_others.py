@@ -11,7 +11,7 @@ from ibrid_bench.events.recorder import Recorder
 
 import ibrid
 from ibrid.gap.answers.result import Gap
-from ibrid.gap.recordings.event_question import asked
+from ibrid.gap.recordings.event_question import build_event_problem
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 
@@ -101,7 +101,9 @@ def test_a_floor_is_told_of_a_device_that_delivers_nothing_at_rest(sigma: float 
         OperatingPoint("dip", 0.0, 0.0, 1.0), time, v, i, 0.059, sigma=stated, f0_hz=60.0
     )
     events = Events((record,), f0_hz=60.0)
-    noise = asked(ibrid.textbook("gfl_exact"), None, None, events, {}).records({}).noise
+    noise = (
+        build_event_problem(ibrid.textbook("gfl_exact"), None, None, events, {}).records({}).noise
+    )
     assert np.isfinite(noise.of["dip"].sigma).all()
     assert 0 < noise.floors["dip"] < np.inf
-    assert noise.told_by > 0
+    assert noise.noise_dof > 0

@@ -9,11 +9,11 @@ from ibrid_bench.hidden.case import draw_case
 from ibrid.gap.answers.answer import _handed_over
 from ibrid.gap.answers.verdict import Findings, net_edits
 from ibrid.gap.refitting.model import Model
-from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.gap.refitting.prior import prior_of
-from ibrid.gap.repair import Bench, looked_back, trials_of
-from ibrid.gap.trials.delay_forms import lost_forms
-from ibrid.gap.trials.trial import Workshop
+from ibrid.gap.repair import RepairState, eliminate_backward, rank_trials
+from ibrid.gap.trials.delay_forms import find_lost_forms
+from ibrid.gap.trials.trial import SweepDataset
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
@@ -28,7 +28,7 @@ FEW = tuple(
     one for one in CATALOGUE if one.id in ("power_filter", "pll_prefilter", "reference_feedforward")
 )
 #: Of a model of which the edits alone are asked.
-UNFITTED: Any = SimpleNamespace(free=0)
+UNFITTED: Any = SimpleNamespace(parameter_count=0)
 TRUE = {("power_filter", "remove"), ("pll_prefilter", "remove")}
 
 
@@ -50,24 +50,26 @@ def test_what_explains_clearly_more_takes_the_place_of_an_edit_that_was_made_fir
     diagram = parse_program(case.program)
     wiring = wire(diagram, VOCABULARY)
     prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
-    bench = Bench(Workshop(noise_of(case.sweep), VOCABULARY, prior, FEW, 0, "exact"))
-    given = bench.shop.given(diagram)
+    bench = RepairState(
+        SweepDataset(estimate_noise(case.sweep), VOCABULARY, prior, FEW, 0, "exact")
+    )
+    given = bench.dataset.fit_given(diagram)
     assert given is not None
-    trials = trials_of(bench, given, conventions=False)
+    trials = rank_trials(bench, given, conventions=False)
     first = next(one for one in trials if one.edits[-1].effect == "reference_feedforward")
     removed = next(
         one
-        for one in bench.shop.insertions(first)
+        for one in bench.dataset.insertions(first)
         if (one.effect, one.change) == ("pll_prefilter", "remove")
     )
-    wrong = bench.shop.edited(first, removed)
+    wrong = bench.dataset.fit_edit(first, removed)
     assert wrong is not None
-    best, rivals = looked_back(bench, given, wrong, trials)
+    best, rivals = eliminate_backward(bench, given, wrong, trials)
     assert edits_of(best) == TRUE
-    assert best.adequate(bench.scale)
+    assert best.is_adequate(bench.scale)
     assert len(rivals) == 2
     assert any(step.startswith("exchanged: power_filter") for step in bench.steps)
-    kept, _ = looked_back(bench, given, best, trials)
+    kept, _ = eliminate_backward(bench, given, best, trials)
     assert edits_of(kept) == TRUE
 
 
@@ -126,7 +128,7 @@ def test_the_form_of_a_delay_that_went_later_is_not_told():
         assert [
             one.where for _, one in net_edits(Findings(None, given, best, (), (), (), 1.0, 0, ()))
         ] == words
-    assert lost_forms(given.diagram, (hold, pade)) == (0,)
+    assert find_lost_forms(given.diagram, (hold, pade)) == (0,)
 
 
 @pytest.mark.parametrize(("error", "handed"), [(0.1, "nearest"), (0.3, "given")])
@@ -135,7 +137,7 @@ def test_where_nothing_explains_a_sweep_the_better_model_is_handed_over(error, h
         SimpleNamespace(convention=Convention()),
         SimpleNamespace(convention=Convention()),
     )
-    findings: Any = SimpleNamespace(given=given, best=nearest, repaired=True)
+    findings: Any = SimpleNamespace(given=given, best=nearest, is_repaired=True)
     baseline: Any = SimpleNamespace(nrmse=0.2)
     other: Any = SimpleNamespace(nrmse=error)
     model, record = _handed_over("unexplained", findings, baseline, lambda _: other)

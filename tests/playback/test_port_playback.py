@@ -13,7 +13,7 @@ from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import read_record
-from ibrid.gap.recordings.event_question import asked
+from ibrid.gap.recordings.event_question import build_event_problem
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
@@ -151,7 +151,9 @@ def test_a_port_file_is_taken_by_playback_and_by_a_fit_of_records(tmp_path: Path
     assert max(record["nrmse_by_record"].values()) < 1e-4
     (values,) = {json.dumps(one) for one in record["parameters"].values()}
     assert json.loads(values)["port.1.L"] == pytest.approx(0.06, rel=0.05)
-    again = asked(read_record(tmp_path / "fit.json"), None, None, events, {}).prior()["port.1.L"]
+    again = build_event_problem(read_record(tmp_path / "fit.json"), None, None, events, {}).prior()[
+        "port.1.L"
+    ]
     assert (again.nominal, again.tolerance) == (
         pytest.approx(0.06),
         0.02,

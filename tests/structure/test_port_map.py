@@ -15,10 +15,10 @@ from ibrid.assembly.symbolic import symbolic_model
 from ibrid.errors import IbridError
 from ibrid.fit.problem import Problem
 from ibrid.gap.ports.open_port import OpenPort
-from ibrid.gap.ports.port_fit import Target, eliminated
+from ibrid.gap.ports.port_fit import PortProblem, eliminate_transfer
 from ibrid.gap.ports.port_map import PortFit, port_map
 from ibrid.gap.ports.ports import Port, ports
-from ibrid.gap.refitting.prior import Belief, Beliefs
+from ibrid.gap.refitting.prior import NominalValue, ParameterPrior
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.modules import PAPER_VOCABULARY, VOCABULARY
@@ -335,7 +335,7 @@ def test_without_noise_the_true_parameters_give_the_transfer_at_once(hidden):
     at = opened(port_called(given, hidden.port), values_of(given))
     data = measured(device)
     weight = np.broadcast_to(1e9 / np.linalg.norm(data, axis=(2, 3))[..., None, None], data.shape)
-    g = eliminated(at, Target(data, weight, Beliefs([], {})))
+    g = eliminate_transfer(at, PortProblem(data, weight, ParameterPrior([], {})))
     np.testing.assert_allclose(at.response(g), data, rtol=0, atol=1e-9 * np.abs(data).max())
     seen = np.abs(weight * at.slope_by_transfer(g)).max(axis=(1, 2, 3)) > 1e6
     assert seen.sum() >= 12
@@ -356,10 +356,10 @@ def off(values: dict[str, float], seed: int = 1) -> dict[str, float]:
     return {name: value * np.exp(0.1 * rng.standard_normal()) for name, value in values.items()}
 
 
-def believed(values: dict[str, float], width: float | None = None) -> dict[str, Belief]:
+def believed(values: dict[str, float], width: float | None = None) -> dict[str, NominalValue]:
     """The prior that goes with values."""
     usual = {name: 0.25 if name.startswith("plant.") else np.log(2) for name in values}
-    return {name: Belief(value, width or usual[name]) for name, value in values.items()}
+    return {name: NominalValue(value, width or usual[name]) for name, value in values.items()}
 
 
 def mapped(diagram: Diagram, sweep: Sweep, **options) -> tuple[PortFit, ...]:
@@ -537,6 +537,6 @@ def test_unknown_names_of_ports_and_parameters_get_the_near_ones():
     with pytest.raises(IbridError, match=r"no port 'pll.e'; did you mean pll.e_q"):
         mapped(given, sweep, only=["pll.e"])
     with pytest.raises(IbridError, match=r"the prior names 'pll.kP', .* did you mean .*pll.kP_pll"):
-        port_map(given, VOCABULARY, sweep, {"pll.kP": Belief(1.0, 1.0)}, [true])
+        port_map(given, VOCABULARY, sweep, {"pll.kP": NominalValue(1.0, 1.0)}, [true])
     with pytest.raises(IbridError, match=r"a start names 'plant.L', .* did you mean"):
         port_map(given, VOCABULARY, sweep, believed(true), [{"plant.L": 0.1}])

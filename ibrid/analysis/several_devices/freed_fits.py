@@ -24,7 +24,7 @@ from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.recordings.event_fit import EventFitter
 from ibrid.gap.recordings.event_noise import FITTED, EventNoise, event_noise
-from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.playback.compare import model_of_record
@@ -219,13 +219,13 @@ class SweepFits(FreedFits):
     """Of a sweep."""
 
     def __init__(self, record: Record, sweep: Sweep) -> None:
-        noise = noise_of(sweep)
+        noise = estimate_noise(sweep)
         self.source = noise.source
         self._set(self._of(record, sweep), noise.sweep.points)
         if not noise.known:  # its level is that of what the freest model leaves
             everything = self.fit(tuple(range(self.size)))
             scale = np.sqrt(everything.cost / max(self.numbers - self.size, 1))
-            self._set(self._problem, noise.times(float(scale)).sweep.points)
+            self._set(self._problem, noise.scaled(float(scale)).sweep.points)
 
     def _of(self, record: Record, sweep: Sweep) -> Problem | CollectorModel:
         """What answers at the points of the sweep; the names, the coordinates and what the record
@@ -318,11 +318,13 @@ class EventFits(FreedFits):
         model = model_of_record(record)
         fitter = EventFitter(noise or event_noise(events, events.rests), model.kinds, {}, None)
         if noise is None:
-            fitter = fitter.of(fitter.noise_seen(model.diagram, model.limits, model.values, FITTED))
+            fitter = fitter.of(
+                fitter.noise_for_model(model.diagram, model.limits, model.values, FITTED)
+            )
         self._misfit, self.noise = fitter.misfit(model.diagram, model.limits), fitter.noise
-        self.told_by, self.source = self.noise.told_by, self.noise.source
-        self.names, self.coordinates = self._misfit.beliefs.names, self._misfit.coordinates
-        self.x0 = self._misfit.beliefs.start(model.values)
+        self.told_by, self.source = self.noise.noise_dof, self.noise.source
+        self.names, self.coordinates = self._misfit.parameter_prior.names, self._misfit.coordinates
+        self.x0 = self._misfit.parameter_prior.start(model.values)
         self.numbers = self._misfit.count
         known, root = _known(record)
         self._limits = {
@@ -337,11 +339,11 @@ class EventFits(FreedFits):
 
     def residuals(self, x: np.ndarray) -> np.ndarray:
         """Of the currents."""
-        return self._misfit.played(x)
+        return self._misfit.whitened_residuals(x)
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
         """Of the same."""
-        return self._misfit.record_slopes(x)
+        return self._misfit.event_jacobian(x)
 
 
 def fits_of(record: Record, data: Sweep | Events, collector: Collector | None = None) -> FreedFits:

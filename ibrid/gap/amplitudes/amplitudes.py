@@ -7,14 +7,14 @@ from dataclasses import replace
 
 from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData
 from ibrid.gap.amplitudes.nonlinear_fit import NonlinearFit, NonlinearSearch
-from ibrid.gap.amplitudes.nonlinear_places import NonlinearPlace, places
+from ibrid.gap.amplitudes.nonlinear_places import NonlinearPlace, list_nonlinear_places
 from ibrid.gap.ports.port_map import PortFit, port_map
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.refitting.prior import Prior
-from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.refitting.refit import SweepFitter
 from ibrid.gap.trials.budget import Budget
-from ibrid.gap.trials.data import Data
+from ibrid.gap.trials.data import Dataset
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.editing.practice import Insertion
@@ -24,13 +24,13 @@ from ibrid.structure.diagrams.diagram import Diagram
 DRAWS = 32
 
 
-class Amplitudes(Data):
-    """All amplitudes together, as `Data`. The given model is fitted to their mean; what they differ
-    by is added to its chi2.
+class AmplitudeDataset(Dataset):
+    """Sweeps at all injection amplitudes together, as a dataset.
 
-    One nonlinearity is the whole explanation or none, so one alone is tried, and no convention or
-    held-out point weighed. No transfer explains amplitudes together; `at_each_amplitude` is asked
-    where no nonlinearity does either.
+    The linear model is fitted to their mean; what they differ by is added to its chi2. One
+    nonlinearity alone is tried, without other conventions and cross-validation. No linear transfer
+    explains several amplitudes; `at_each_amplitude` locates it for each where no nonlinearity
+    does.
     """
 
     def __init__(
@@ -44,19 +44,19 @@ class Amplitudes(Data):
         super().__init__(budget)
         self.data, self.kinds, self.prior = data, kinds, prior
         self.noise = Noise(data.pooled, True, "")
-        self.refitter = Refitter(self.noise, kinds, prior, seed)
+        self.refitter = SweepFitter(self.noise, kinds, prior, seed)
         self._fits: dict[NonlinearPlace, NonlinearFit | None] = {}
 
-    def _given(self, diagram: Diagram) -> Model | None:
+    def _fit_given(self, diagram: Diagram) -> Model | None:
         """The linear model."""
-        refit = self.refitter.refit(diagram, [{}], draws=DRAWS)
+        refit = self.refitter.fit(diagram, [{}], draws=DRAWS)
         return (
             None
             if refit is None
             else Model(diagram, Convention(), replace(refit, chi2=refit.chi2 + self.data.within))
         )
 
-    def _refitted(
+    def _refit_model(
         self, model: Model, starts: Sequence[Values], *, draws: int, spread: float
     ) -> Model | None:
         """The linear model as it is: what a nonlinearity ends in is no start of it."""
@@ -64,9 +64,9 @@ class Amplitudes(Data):
 
     def insertions(self, model: Model) -> tuple[NonlinearPlace, ...]:
         """Every nonlinearity at every place of the linear model."""
-        return () if model.edits else places(model.diagram, self.kinds)
+        return () if model.edits else list_nonlinear_places(model.diagram, self.kinds)
 
-    def _edited(
+    def _fit_edit(
         self, model: Model, insertion: Insertion, *, quick: Sequence[Values]
     ) -> Model | None:
         """A nonlinearity, its threshold and the parameters fitted to all amplitudes; once for
@@ -80,22 +80,24 @@ class Amplitudes(Data):
         fit = self._fits[insertion]
         return None if fit is None else replace(model, refit=fit, edits=(insertion,))
 
-    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
+    def _screen_edit(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
         """The fit itself: less says nothing."""
-        return self._edited(model, insertion, quick=())
+        return self._fit_edit(model, insertion, quick=())
 
-    def stable(self, model: Model) -> bool:
+    def is_stable(self, model: Model) -> bool:
         """True for a nonlinearity that may be believed: adequate for errors that grow with the
         measured distortion, and its threshold held by the data.
         """
         fit = model.refit
-        return isinstance(fit, NonlinearFit) and fit.adequate() and fit.seen
+        return isinstance(fit, NonlinearFit) and fit.is_adequate() and fit.seen
 
     def at_each_amplitude(self, diagram: Diagram) -> tuple[PortFit, ...]:
         """Ports of nonlinearities at which one unknown transfer explains each amplitude by itself;
         the worst amplitude's fit.
         """
-        names = list(dict.fromkeys(one.port.name for one in places(diagram, self.kinds)))
+        names = list(
+            dict.fromkeys(one.port.name for one in list_nonlinear_places(diagram, self.kinds))
+        )
         if not names:
             return ()
         data, by_level = self.data, []

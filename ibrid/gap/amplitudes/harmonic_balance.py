@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.gap.amplitudes.nonlinear_shapes import Shape
-from ibrid.gap.ports.open_port import Opened, OpenPort
+from ibrid.gap.ports.open_port import OpenedModel, OpenPort
 
 #: Harmonics beside the mean, and samples of a period.
 HARMONICS, SAMPLES = 3, 96
@@ -37,7 +37,7 @@ COEFFICIENTS = len(PROJECTION)
 _TWICE = np.einsum("in,nj->nij", PROJECTION, BASIS).reshape(SAMPLES, -1)
 
 
-def at_harmonics(model: OpenPort, frequency: np.ndarray) -> OpenPort:
+def evaluate_at_harmonics(model: OpenPort, frequency: np.ndarray) -> OpenPort:
     """The same open port, from now on evaluated at s = 0 and at the harmonics of K frequencies (K,)
     Hz: 1 + HARMONICS K.
     """
@@ -47,7 +47,7 @@ def at_harmonics(model: OpenPort, frequency: np.ndarray) -> OpenPort:
 
 
 @dataclass(frozen=True, eq=False)
-class Linear:
+class LinearPart:
     """What a model does beside its port for C = K M L 2 cells (frequency, point, amplitude, axis).
 
     `drive` : (C, n) of the injected voltage on the port, n = COEFFICIENTS r. `back` : (C, n, n)
@@ -61,9 +61,9 @@ class Linear:
     y_w: np.ndarray
     amplitude: np.ndarray
 
-    def only(self, cells: np.ndarray) -> "Linear":
+    def select(self, cells: np.ndarray) -> "LinearPart":
         """Some of the cells."""
-        return Linear(
+        return LinearPart(
             self.drive[cells],
             self.back[cells],
             self.y_u[cells],
@@ -72,9 +72,10 @@ class Linear:
         )
 
 
-def linear_part(opened: Opened, amplitude: np.ndarray) -> Linear:
-    """Of a model that was opened `at_harmonics` of K frequencies; amplitude : (K, M, L), per
-    unit.
+def build_linear_part(opened: OpenedModel, amplitude: np.ndarray) -> LinearPart:
+    """Build the linear part of a model opened by `evaluate_at_harmonics` of K frequencies.
+
+    amplitude : (K, M, L) of the injection, per unit.
     """
     count, points, levels = amplitude.shape
     r = opened.z_u.shape[-2]
@@ -106,11 +107,13 @@ def linear_part(opened: Opened, amplitude: np.ndarray) -> Linear:
         back[:, :, real, :, real] = back[:, :, imaginary, :, imaginary] = np.real(z_w)
         back[:, :, imaginary, :, real], back[:, :, real, :, imaginary] = np.imag(z_w), -np.imag(z_w)
     n = r * COEFFICIENTS
-    return Linear(drive.reshape(-1, n), back.reshape(-1, n, n), y_u, cells(opened.y_w[first]), size)
+    return LinearPart(
+        drive.reshape(-1, n), back.reshape(-1, n, n), y_u, cells(opened.y_w[first]), size
+    )
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class PeriodicMotion:
     """A balanced motion. `entering`, `leaving` : (C, r, COEFFICIENTS) of the port's deviation
     before and behind it.
     `slope` : (C, n, n) of the balance by `entering`. `through` : (C, n, n), of `leaving` by
@@ -124,13 +127,13 @@ class Motion:
     converged: np.ndarray
 
 
-def balanced(
-    linear: Linear,
+def solve_balance(
+    linear: LinearPart,
     shape: Shape,
     rest: np.ndarray,
     threshold: float,
     start: np.ndarray | None = None,
-) -> Motion:
+) -> PeriodicMotion:
     """Solve the balance of all cells by Newton's method, with shorter steps where whole ones do not
     help.
 
@@ -142,42 +145,46 @@ def balanced(
     if start is None:
         motion, lost = None, np.arange(cells)
     else:
-        motion = _newton(linear, shape, rest, threshold, start.reshape(cells, -1))
+        motion = _iterate_newton(linear, shape, rest, threshold, start.reshape(cells, -1))
         lost = np.flatnonzero(~motion.converged)
     if not len(lost):
         return (
-            motion if motion is not None else _newton(linear, shape, rest, threshold, linear.drive)
+            motion
+            if motion is not None
+            else _iterate_newton(linear, shape, rest, threshold, linear.drive)
         )
-    part = linear.only(lost)
+    part = linear.select(lost)
     guesses = np.array(
         [np.linalg.solve(np.eye(n) - g * part.back, part.drive[..., None])[..., 0] for g in THROUGH]
     )
-    errors = np.array([_left_over(part, shape, rest[lost], threshold, one) for one in guesses])
+    errors = np.array([_balance_error(part, shape, rest[lost], threshold, one) for one in guesses])
     order = np.argsort(errors, axis=0)
     for guess in range(TRIED):
         begun = guesses[order[guess], np.arange(len(lost))]
-        found = _newton(part, shape, rest[lost], threshold, begun)
-        motion = found if motion is None else _replaced(motion, lost, found)
+        found = _iterate_newton(part, shape, rest[lost], threshold, begun)
+        motion = found if motion is None else _replace_cells(motion, lost, found)
         left = np.flatnonzero(~found.converged)
         if not len(left):
             break
-        part, lost, guesses, order = part.only(left), lost[left], guesses[:, left], order[:, left]
+        part, lost, guesses, order = part.select(left), lost[left], guesses[:, left], order[:, left]
     if motion is None:
         raise ValueError("a balance needs at least one cell")
     return motion
 
 
-def _replaced(motion: Motion, where: np.ndarray, others: Motion) -> Motion:
+def _replace_cells(
+    motion: PeriodicMotion, where: np.ndarray, others: PeriodicMotion
+) -> PeriodicMotion:
     """A motion with some cells exchanged for others where those are balanced."""
     better = where[others.converged]
     fields = {name: value.copy() for name, value in vars(motion).items()}
     for name, value in fields.items():
         value[better] = getattr(others, name)[others.converged]
-    return Motion(**fields)
+    return PeriodicMotion(**fields)
 
 
-def _left_over(
-    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+def _balance_error(
+    linear: LinearPart, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
 ) -> np.ndarray:
     """(C,) how far entering coefficients (C, n) are from a balance, over the signal behind the port
     without it.
@@ -187,7 +194,7 @@ def _left_over(
 
 
 def _balance(
-    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+    linear: LinearPart, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of entering coefficients (C, n): the leaving ones, the slopes of the law, and what the
     balance leaves over.
@@ -198,13 +205,13 @@ def _balance(
     return leaving, slopes, z - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
 
 
-def response(linear: Linear, leaving: np.ndarray) -> np.ndarray:
+def response(linear: LinearPart, leaving: np.ndarray) -> np.ndarray:
     """(C, 2) complex: the column of Y that a motion means. leaving : (C, r, COEFFICIENTS)."""
     w = leaving[..., 1] + 1j * leaving[..., 2]
     return linear.y_u + np.einsum("cij,cj->ci", linear.y_w, w) / linear.amplitude[:, None]
 
 
-def moved_along(before: Motion, linear: Linear) -> np.ndarray:
+def extrapolate_leaving(before: PeriodicMotion, linear: LinearPart) -> np.ndarray:
     """`leaving` (C, r, COEFFICIENTS) after one step of Newton's method in a slightly different
     model; exact to first order.
     """
@@ -215,9 +222,9 @@ def moved_along(before: Motion, linear: Linear) -> np.ndarray:
     return (leaving + np.einsum("cij,cj->ci", before.through, step)).reshape(shape)
 
 
-def _newton(
-    linear: Linear, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
-) -> Motion:
+def _iterate_newton(
+    linear: LinearPart, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+) -> PeriodicMotion:
     """From entering coefficients z (C, n); cells that are balanced, or cannot be, rest while the
     others go on.
     """
@@ -233,7 +240,7 @@ def _newton(
         that is.
         """
         leaving, slopes, left = _balance(
-            linear.only(where), shape, rest[where], threshold, entering
+            linear.select(where), shape, rest[where], threshold, entering
         )
         left = scale[where] * left
         return leaving, slopes, left, np.abs(left).max(axis=1) / size[where]
@@ -245,7 +252,7 @@ def _newton(
         if not going.any():
             break
         moving, slopes, left, error = moving[going], slopes[going], left[going], error[going]
-        slope = np.eye(z.shape[1]) - linear.back[moving] @ _through(slopes)
+        slope = np.eye(z.shape[1]) - linear.back[moving] @ _transfer_slopes(slopes)
         step = -np.linalg.solve(scale[moving][..., None] * slope, left[..., None])[..., 0]
         part = np.ones(len(moving))
         worse = np.flatnonzero(~(at(z[moving] + step, moving)[3] < error))
@@ -255,8 +262,8 @@ def _newton(
         z[moving] += part[:, None] * step
         _, slopes, left, error = at(z[moving], moving)
     leaving, slopes, _, error = at(z, np.arange(cells))
-    through = _through(slopes)
-    return Motion(
+    through = _transfer_slopes(slopes)
+    return PeriodicMotion(
         entering=z.reshape(cells, r, COEFFICIENTS),
         leaving=leaving.reshape(cells, r, COEFFICIENTS),
         slope=np.eye(z.shape[1]) - linear.back @ through,
@@ -265,7 +272,7 @@ def _newton(
     )
 
 
-def _through(slopes: np.ndarray) -> np.ndarray:
+def _transfer_slopes(slopes: np.ndarray) -> np.ndarray:
     """(C, n, n) from coefficients to coefficients, of slopes (C, r, r, SAMPLES)."""
     cells, r = slopes.shape[:2]
     pairs = (slopes.reshape(-1, SAMPLES) @ _TWICE).reshape(cells, r, r, COEFFICIENTS, COEFFICIENTS)

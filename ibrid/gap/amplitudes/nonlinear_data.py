@@ -41,7 +41,7 @@ class AmplitudeData:
     floor: float | None
 
     @property
-    def numbers(self) -> int:
+    def measurement_count(self) -> int:
         """Measured real numbers."""
         return 2 * int((self.weight > 0).sum())
 
@@ -69,7 +69,7 @@ class AmplitudeData:
             np.broadcast_to(np.stack(responses, axis=1)[:, :, None], self.admittance.shape)
         )
 
-    def by_cell(self, value: np.ndarray) -> np.ndarray:
+    def spread_to_cells(self, value: np.ndarray) -> np.ndarray:
         """What operating points have, (M, r), for each of the C = K M L 2 cells (frequency, point,
         amplitude, axis): (C, r).
         """
@@ -111,7 +111,7 @@ def amplitude_data(sweep: Sweep) -> AmplitudeData | None:
             admittance[here, m, number] = point.admittance[there]
             variance[here, m, number] = np.asarray(point.sigma)[there] ** 2
     measured = np.isfinite(variance)
-    variance += _of_distortion(admittance, measured)[:, :, None]
+    variance += _distortion_variance(admittance, measured)[:, :, None]
     weight = np.where(measured, variance, 1.0) ** -0.5 * measured
     total = (weight**2).sum(axis=2)
     mean = (weight**2 * admittance).sum(axis=2) / total
@@ -146,11 +146,11 @@ def amplitude_data(sweep: Sweep) -> AmplitudeData | None:
         weight,
         replace(sweep, points=points),
         within,
-        _floor(levels),
+        _noise_floor(levels),
     )
 
 
-def _of_distortion(admittance: np.ndarray, measured: np.ndarray) -> np.ndarray:
+def _distortion_variance(admittance: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """Variance of each part (K, M, 1, 1) that goes with the largest change between amplitudes."""
     there = measured[..., 0, 0]
     change = np.linalg.norm(admittance[:, :, :, None] - admittance[:, :, None], axis=(-2, -1))
@@ -159,7 +159,7 @@ def _of_distortion(admittance: np.ndarray, measured: np.ndarray) -> np.ndarray:
     return (DISTORTION * largest)[..., None, None] ** 2 / 8.0
 
 
-def _floor(levels: Sequence[Sweep]) -> float | None:
+def _noise_floor(levels: Sequence[Sweep]) -> float | None:
     points = [(point, estimate_point(point).sigma) for level in levels for point in level.points]
     floors = [
         float(np.sqrt(2.0 * (sigma**2).sum()) / np.linalg.norm(point.admittance))

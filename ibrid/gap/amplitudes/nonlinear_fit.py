@@ -11,19 +11,19 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.fit.least_squares import Descent, Points, carried
 from ibrid.gap.amplitudes.harmonic_balance import (
-    Linear,
-    Motion,
-    at_harmonics,
-    balanced,
-    linear_part,
-    moved_along,
+    LinearPart,
+    PeriodicMotion,
+    build_linear_part,
+    evaluate_at_harmonics,
+    extrapolate_leaving,
     response,
+    solve_balance,
 )
 from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData
 from ibrid.gap.amplitudes.nonlinear_places import NonlinearPlace, values_at_rest
 from ibrid.gap.ports.open_port import OpenPort
-from ibrid.gap.refitting.model import Fitted
-from ibrid.gap.refitting.prior import Beliefs, Prior
+from ibrid.gap.refitting.model import FitResult
+from ibrid.gap.refitting.prior import ParameterPrior, Prior
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.diagram import Diagram
 
@@ -39,7 +39,7 @@ DESCENT = Descent(
 
 
 @dataclass(frozen=True, eq=False)
-class State:
+class NonlinearPoint:
     """A point of the search. `x` : (P + 1,), the last is ln of the threshold as it is searched for.
     `chi2` : of the data,
     `cost` : with the prior. `Y` : (K, M, L, 2, 2). `rest` : (M, r). `linear`, `motion` : of all
@@ -52,12 +52,12 @@ class State:
     cost: float
     Y: np.ndarray
     rest: np.ndarray
-    linear: Linear
-    motion: Motion
+    linear: LinearPart
+    motion: PeriodicMotion
 
 
 @dataclass(frozen=True, eq=False)
-class NonlinearFit(Fitted):
+class NonlinearFit(FitResult):
     """A nonlinearity at its best threshold and parameters.
 
     `interval` : of the threshold, 95 %. `state` : the motion there.
@@ -66,7 +66,7 @@ class NonlinearFit(Fitted):
     place: NonlinearPlace
     threshold: float
     interval: tuple[float, float]
-    state: State
+    state: NonlinearPoint
 
     @property
     def seen(self) -> bool:
@@ -88,11 +88,11 @@ class NonlinearSearch:
         prior: Prior,
     ) -> None:
         self.place, self.diagram, self.kinds, self.data = place, diagram, kinds, data
-        self.model = at_harmonics(OpenPort(place.port, kinds, data.sweep), data.frequency)
+        self.model = evaluate_at_harmonics(OpenPort(place.port, kinds, data.sweep), data.frequency)
         self.parameters = self.model.symbolic.parameters
         self.coordinates = self.model.coordinates
-        self.beliefs = Beliefs(self.parameters, prior)
-        self._slopes_of: WeakKeyDictionary[State, np.ndarray] = WeakKeyDictionary()
+        self.parameter_prior = ParameterPrior(self.parameters, prior)
+        self._slopes_of: WeakKeyDictionary[NonlinearPoint, np.ndarray] = WeakKeyDictionary()
         low, high = np.log(BOX)  # of the threshold
         self.box = np.append(self.coordinates.x_low, low), np.append(self.coordinates.x_high, high)
 
@@ -100,14 +100,14 @@ class NonlinearSearch:
         """The best fit from parameter values, each with every threshold of the bank; None where
         nothing has a response.
         """
-        begun: list[State] = []
+        begun: list[NonlinearPoint] = []
         for start in starts:
-            x = self.beliefs.start(start)
-            beside = self._beside(x)
+            x = self.parameter_prior.start(start)
+            beside = self._open_model(x)
             states = (
                 []
                 if beside is None
-                else [self._moving(np.append(x, np.log(one)), beside) for one in BANK]
+                else [self._solve_point(np.append(x, np.log(one)), beside) for one in BANK]
             )
             begun += [state for state in states if state is not None]
         if not begun:
@@ -121,7 +121,7 @@ class NonlinearSearch:
         )
         best = DESCENT.go(self, DESCENT.start(points), FIRST_STEPS).best(1)
         best = DESCENT.go(self, DESCENT.start(best.points), MOST_STEPS)
-        return self._described(best.points.carried[0][0])
+        return self._summarise(best.points.carried[0][0])
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P + 1), the motions from those near."""
@@ -144,37 +144,41 @@ class NonlinearSearch:
             [hessian for _, hessian in pairs]
         )
 
-    def _normal(self, state: State) -> tuple[np.ndarray, np.ndarray]:
+    def _normal(self, state: NonlinearPoint) -> tuple[np.ndarray, np.ndarray]:
         jacobian = self._jacobian(state)
         misfit = self.data.weight * (state.Y - self.data.admittance)
-        _, down, hold = self.beliefs.pull(state.x[:-1])
+        _, down, hold = self.parameter_prior.penalty_terms(state.x[:-1])
         gradient = jacobian.T @ np.concatenate([np.real(misfit).ravel(), np.imag(misfit).ravel()])
         return gradient + np.append(down, 0.0), jacobian.T @ jacobian + np.diag(
             np.append(hold, 0.0)
         )
 
-    def state(self, x: np.ndarray, start: np.ndarray | None = None) -> State | None:
+    def state(self, x: np.ndarray, start: np.ndarray | None = None) -> NonlinearPoint | None:
         """The motion at x, begun from another one's `entering`; None where there is none."""
-        beside = self._beside(x[:-1])
-        return None if beside is None else self._moving(x, beside, start)
+        beside = self._open_model(x[:-1])
+        return None if beside is None else self._solve_point(x, beside, start)
 
-    def _moving(
-        self, x: np.ndarray, beside: tuple[Linear, np.ndarray], start: np.ndarray | None = None
-    ) -> State | None:
+    def _solve_point(
+        self, x: np.ndarray, beside: tuple[LinearPart, np.ndarray], start: np.ndarray | None = None
+    ) -> NonlinearPoint | None:
         linear, rest = beside
         threshold = self._threshold(x[-1], rest)
-        motion = balanced(linear, self.place.shape, self.data.by_cell(rest), threshold, start)
+        motion = solve_balance(
+            linear, self.place.shape, self.data.spread_to_cells(rest), threshold, start
+        )
         if start is not None and not motion.converged.all():
-            motion = balanced(linear, self.place.shape, self.data.by_cell(rest), threshold)
+            motion = solve_balance(
+                linear, self.place.shape, self.data.spread_to_cells(rest), threshold
+            )
         Y = self.data.matrices(response(linear, motion.leaving))
         misfit = self.data.weight * (Y - self.data.admittance)
         chi2 = float((np.abs(misfit) ** 2).sum())
         if not np.isfinite(chi2):
             return None
-        cost = chi2 + float(self.beliefs.pull(x[:-1])[0])
-        return State(x, threshold, chi2, cost, Y, rest, linear, motion)
+        cost = chi2 + float(self.parameter_prior.penalty_terms(x[:-1])[0])
+        return NonlinearPoint(x, threshold, chi2, cost, Y, rest, linear, motion)
 
-    def _beside(self, x: np.ndarray) -> tuple[Linear, np.ndarray] | None:
+    def _open_model(self, x: np.ndarray) -> tuple[LinearPart, np.ndarray] | None:
         """What the model does beside the port, and the value at rest (M, r), at parameters x (P,);
         None where it has none.
         """
@@ -183,7 +187,7 @@ class NonlinearSearch:
             opened = self.model.at(theta)
         if opened is None:
             return None
-        linear = linear_part(opened, self.data.amplitude)
+        linear = build_linear_part(opened, self.data.amplitude)
         rest = np.zeros((self.data.amplitude.shape[1], opened.z_u.shape[-2]))
         if self.place.resting:
             values = {one.name: float(theta[k]) for k, one in enumerate(self.parameters)}
@@ -209,13 +213,13 @@ class NonlinearSearch:
             else excess
         )
 
-    def _jacobian(self, state: State) -> np.ndarray:
+    def _jacobian(self, state: NonlinearPoint) -> np.ndarray:
         """The slopes at a state, taken once."""
         if state not in self._slopes_of:
             self._slopes_of[state] = self._slopes(state)
         return self._slopes_of[state]
 
-    def _slopes(self, state: State) -> np.ndarray:
+    def _slopes(self, state: NonlinearPoint) -> np.ndarray:
         """White dY/dx, (2 N, P + 1) real rows; exact to first order without solving the balance
         anew.
         """
@@ -224,19 +228,19 @@ class NonlinearSearch:
             x = state.x.copy()
             step = SLOPE if x[k] + SLOPE <= self.box[1][k] else -SLOPE
             x[k] += step
-            beside = (state.linear, state.rest) if k == len(x) - 1 else self._beside(x[:-1])
+            beside = (state.linear, state.rest) if k == len(x) - 1 else self._open_model(x[:-1])
             if beside is None:
                 columns.append(np.zeros(2 * state.Y.size))
                 continue
             linear, rest = beside
             threshold = self._threshold(x[-1], rest)
             if threshold == state.threshold and np.array_equal(rest, state.rest):
-                leaving = moved_along(state.motion, linear)
+                leaving = extrapolate_leaving(state.motion, linear)
             else:
-                again = balanced(
+                again = solve_balance(
                     linear,
                     self.place.shape,
-                    self.data.by_cell(rest),
+                    self.data.spread_to_cells(rest),
                     threshold,
                     state.motion.entering,
                 )
@@ -247,13 +251,13 @@ class NonlinearSearch:
             columns.append(np.concatenate([np.real(white).ravel(), np.imag(white).ravel()]))
         return np.nan_to_num(np.array(columns).T)
 
-    def _described(self, state: State) -> NonlinearFit:
+    def _summarise(self, state: NonlinearPoint) -> NonlinearFit:
         jacobian = self._jacobian(state)
         low, high = self.box
         box = (high - low) ** -2.0
         data, prior = (
             jacobian.T @ jacobian,
-            np.diag(np.append(self.beliefs.pull(state.x[:-1])[2], 0.0) + box),
+            np.diag(np.append(self.parameter_prior.penalty_terms(state.x[:-1])[2], 0.0) + box),
         )
         unit = np.diag(data + prior) ** -0.5
         covariance = (
@@ -280,9 +284,9 @@ class NonlinearSearch:
             values={one.name: float(theta[k]) for k, one in enumerate(self.parameters)},
             chi2=state.chi2,
             penalty=state.cost - state.chi2,
-            dof=max(self.data.numbers - effective, 1.0),
-            numbers=self.data.numbers,
-            free=len(state.x),
+            dof=max(self.data.measurement_count - effective, 1.0),
+            measurement_count=self.data.measurement_count,
+            parameter_count=len(state.x),
             place=self.place,
             threshold=state.threshold,
             interval=(float(low), float(high)),

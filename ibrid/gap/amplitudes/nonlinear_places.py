@@ -54,7 +54,7 @@ class NonlinearPlace(Insertion):
         return f"a {self.shape.name} at {self.port.words}"
 
 
-def places(diagram: Diagram, kinds: Vocabulary) -> tuple[NonlinearPlace, ...]:
+def list_nonlinear_places(diagram: Diagram, kinds: Vocabulary) -> tuple[NonlinearPlace, ...]:
     """Every nonlinearity that is tried in a legal diagram; () where there is not one plant with a
     command.
     """
@@ -64,11 +64,11 @@ def places(diagram: Diagram, kinds: Vocabulary) -> tuple[NonlinearPlace, ...]:
     found = {one.name: one for one in ports(diagram, kinds)}
     return tuple(
         NonlinearPlace(effect, "add", port.name, diagram, {}, {}, shape, port, resting)
-        for effect, shape, port, resting in _places(view, found)
+        for effect, shape, port, resting in _list_places(view, found)
     )
 
 
-def _places(
+def _list_places(
     view: View, by_name: Mapping[str, Port]
 ) -> Iterator[tuple[str, Shape, Port, tuple[str, ...]]]:
     for pll in view.draft.having(Element.PLL):
@@ -78,7 +78,7 @@ def _places(
             yield "", SATURATION, port, ()
     if view.roles.current_loop is not None:
         for pack in packs(view):
-            port, others = by_name.get(f"{pack}.out"), _beside(view, pack)
+            port, others = by_name.get(f"{pack}.out"), _current_channels(view, pack)
             if port is not None and others:
                 for shape in (MAGNITUDE_LIMIT, D_LIMIT, Q_LIMIT):
                     yield "current_limit", shape, port, others
@@ -92,7 +92,7 @@ def _places(
         yield "", MAGNITUDE_LIMIT, command, (view.roles.command,)
 
 
-def _beside(view: View, pack: str) -> tuple[str, ...]:
+def _current_channels(view: View, pack: str) -> tuple[str, ...]:
     """What the current loop subtracts from the reference of a PackDQ; () where that is not
     clear.
     """

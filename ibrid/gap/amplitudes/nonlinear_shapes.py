@@ -50,11 +50,11 @@ class Shape:
 
 def _dead_zone(x: np.ndarray, rest: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
     y = np.maximum(x - width, 0.0) + np.minimum(x + width, 0.0)
-    return y, _each(np.abs(x) > width)
+    return y, _diagonal_slopes(np.abs(x) > width)
 
 
 def _saturation(x: np.ndarray, rest: np.ndarray, limit: float) -> tuple[np.ndarray, np.ndarray]:
-    return np.clip(x, -limit, limit), _each(np.abs(x) < limit)
+    return np.clip(x, -limit, limit), _diagonal_slopes(np.abs(x) < limit)
 
 
 def _magnitude_limit(
@@ -82,12 +82,12 @@ def _axis_limit(axis: int) -> Law:
         inside[..., axis, :] = np.abs(whole[..., axis, :]) < limit
         y = whole.copy()
         y[..., axis, :] = np.clip(whole[..., axis, :], -limit, limit)
-        return y - rest, _each(inside)
+        return y - rest, _diagonal_slopes(inside)
 
     return law
 
 
-def _each(open_: np.ndarray) -> np.ndarray:
+def _diagonal_slopes(open_: np.ndarray) -> np.ndarray:
     """Slopes of a law that acts on each axis by itself, (..., r, r, n)."""
     return np.eye(open_.shape[-2])[..., None] * open_[..., None, :]
 

@@ -37,7 +37,7 @@ def port_gain(fit: NonlinearFit, data: AmplitudeData) -> PortGain:
     """Measured gains of a fit's port along the direction in which it acts."""
     state, shape = fit.state, fit.place.shape
     linear, coefficients = state.linear, state.motion.entering.shape
-    rest = data.by_cell(state.rest)
+    rest = data.spread_to_cells(state.rest)
     along = shape.along(rest)
     room = (
         fit.threshold - shape.rest_size(rest) if shape.limits else np.full(len(rest), fit.threshold)

@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 from ibrid.evaluation.adequacy import EQUALLY_GOOD
-from ibrid.gap.amplitudes.amplitudes import Amplitudes
+from ibrid.gap.amplitudes.amplitudes import AmplitudeDataset
 from ibrid.gap.amplitudes.nonlinear_fit import NonlinearFit
 from ibrid.gap.amplitudes.port_gain import port_gain
 from ibrid.gap.answers.result import AmplitudeAnswer, Gap, NamedEffect, TriedNonlinearity, Verdict
 from ibrid.gap.answers.verdict import Findings
-from ibrid.gap.refitting.model import significant, threshold
+from ibrid.gap.refitting.model import is_significant, significance_threshold
 
 #: Verdicts that a band which no amplitude touches may still have.
 STANDING = ("named", "data-convention")
@@ -23,7 +23,7 @@ class Nonlinear:
     """What was found in all amplitudes. `answer` : with the gate, to which this is added."""
 
     found: Findings
-    data: Amplitudes
+    data: AmplitudeDataset
     gate: AmplitudeAnswer
 
     @property
@@ -34,7 +34,7 @@ class Nonlinear:
     @property
     def best(self) -> NonlinearFit | None:
         """The one that is believed."""
-        return self.found.best.refit if self.found.repaired else None
+        return self.found.best.refit if self.found.is_repaired else None
 
     @cached_property
     def alike(self) -> tuple[NonlinearFit, ...]:
@@ -43,10 +43,10 @@ class Nonlinear:
         """
         others: dict[str, NonlinearFit] = {}
         given, best, trials = self.found.given, self.found.best, self.found.trials
-        for trial in trials if self.found.repaired else ():
+        for trial in trials if self.found.is_repaired else ():
             place, near = trial.refit.place, trial.refit.cost < best.refit.cost + EQUALLY_GOOD.bic
             key = place.effect or place.words
-            believed = self.data.stable(trial) and significant(given, trial, len(trials), 1.0)
+            believed = self.data.is_stable(trial) and is_significant(given, trial, len(trials), 1.0)
             if trial is not best and key != best.refit.place.effect and near and believed:
                 others.setdefault(key, trial.refit)
         return tuple(others.values())
@@ -115,7 +115,7 @@ class Nonlinear:
         other = next((one for one in self.fits if one.place.effect != fit.place.effect), None)
         evidence = {
             "gain": self.found.given.refit.cost - fit.cost,
-            "threshold": threshold(1, len(self.fits)),
+            "threshold": significance_threshold(1, len(self.fits)),
             "p_after": fit.p_value(),
             "runner_up": None if other is None else other.place.words,
             "runner_up_bic": None if other is None else other.cost - fit.cost,

@@ -17,12 +17,26 @@ from ibrid.gap.answers.detectability import unseen
 from ibrid.gap.answers.locating import located
 from ibrid.gap.answers.result import Candidate, Gap, Moved, NamedEffect
 from ibrid.gap.answers.suggesting import Question, Suggest, suggested
-from ibrid.gap.answers.verdict import Errors, Findings, alike, net_edits, sentence_of, verdict_of
+from ibrid.gap.answers.verdict import (
+    ErrorSummary,
+    Findings,
+    find_indistinguishable,
+    net_edits,
+    sentence_of,
+    verdict_of,
+)
 from ibrid.gap.recordings.event_places import LimitPlace
-from ibrid.gap.refitting.model import Model, best_first, fits, is_form, significant, threshold
+from ibrid.gap.refitting.model import (
+    Model,
+    explains_data,
+    is_delay_form,
+    is_significant,
+    rank_by_bic,
+    significance_threshold,
+)
 from ibrid.gap.refitting.prior import Nominal
-from ibrid.gap.trials.delay_forms import allowed_forms, over_forms
-from ibrid.gap.trials.trial import Workshop
+from ibrid.gap.trials.delay_forms import find_allowed_delay_forms, unite_intervals
+from ibrid.gap.trials.trial import SweepDataset
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.parts.editing.practice import Insertion
@@ -40,7 +54,7 @@ Strength = tuple[float, float | None, float | None]
 
 def answer_of(
     findings: Findings,
-    shop: Workshop,
+    dataset: SweepDataset,
     diagram: Diagram,
     sweep: Sweep,
     held: Sequence[str],
@@ -51,21 +65,21 @@ def answer_of(
     is asked for edits when something is located and unnamed.
     """
     verdict = verdict_of(findings)
-    baseline = _record(findings.given, findings, shop, sweep)
+    baseline = _record(findings.given, findings, dataset, sweep)
     model, repaired = _handed_over(
-        verdict, findings, baseline, lambda one: _record(one, findings, shop, sweep)
+        verdict, findings, baseline, lambda one: _record(one, findings, dataset, sweep)
     )
-    others = allowed_forms(shop, model, findings.scale, EQUALLY_GOOD.bic)
-    in_other_forms = [_record(one, findings, shop, sweep).intervals for one in others]
+    others = find_allowed_delay_forms(dataset, model, findings.scale, EQUALLY_GOOD.bic)
+    fit_other_delay_forms = [_record(one, findings, dataset, sweep).intervals for one in others]
     repaired = (
-        replace(repaired, intervals=over_forms(repaired.intervals, in_other_forms))
+        replace(repaired, intervals=unite_intervals(repaired.intervals, fit_other_delay_forms))
         if others
         else repaired
     )
     intervals = next(iter(repaired.intervals.values()), {})
     baseline = repaired if model is findings.given else baseline
-    forms = [form for one in (model, *others) for form in delay_forms(one.diagram, shop.kinds)]
-    nominal = _nominal_responses(findings.given, shop) if values else {}
+    forms = [form for one in (model, *others) for form in delay_forms(one.diagram, dataset.kinds)]
+    nominal = _nominal_responses(findings.given, dataset) if values else {}
     before = {
         "nominal": mean_or_none(
             nrmse(nominal[one.op.name], one)
@@ -78,14 +92,14 @@ def answer_of(
     after = {"refit": repaired.nrmse, "holdout": mean_holdout(repaired.holdout, held)}
     floor = findings.noise.floor
     missed, missed_by_given = (
-        located(one.problem.points, one.residuals, one.dof / one.numbers, findings.scale)
+        located(one.problem.points, one.residuals, one.dof / one.measurement_count, findings.scale)
         for one in (model.refit, findings.given.refit)
     )
     adequate = tuple(one for one in findings.ports if one.adequate)
-    question = Question(findings.given.diagram, baseline, adequate, shop.kinds, sweep)
+    question = Question(findings.given.diagram, baseline, adequate, dataset.kinds, sweep)
     return Gap(
         verdict=verdict,
-        sentence=sentence_of(verdict, findings, Errors.of(before, after), floor, missed),
+        sentence=sentence_of(verdict, findings, ErrorSummary.of(before, after), floor, missed),
         located=missed_by_given,
         ports=findings.ports,
         effects=effects_of(findings, intervals, forms) if verdict in REPAIRED else (),
@@ -94,13 +108,13 @@ def answer_of(
         noise_floor=floor,
         moved=moved(model.refit, intervals),
         candidates=tuple(
-            candidate_of(one, findings, shop.known_stable.get(one)) for one in findings.trials
+            candidate_of(one, findings, dataset.known_stable.get(one)) for one in findings.trials
         ),
         could_not_have_seen=unseen(
-            shop.refitter(model.convention),
+            dataset.refitter(model.convention),
             model.refit,
-            shop.insertions(model),
-            shop.catalogue,
+            dataset.insertions(model),
+            dataset.catalogue,
             findings.scale,
         ),
         steps=(*findings.steps, *_allowing(forms)),
@@ -116,7 +130,7 @@ def answer_of(
         nominal=nominal,
         angle=model.convention.angle,
         convention=model.convention,
-        suggested=suggested(findings, shop, question, suggest)
+        suggested=suggested(findings, dataset, question, suggest)
         if verdict == "located-unnamed"
         else (),
     )
@@ -132,7 +146,7 @@ def _handed_over(
         return findings.best, record(findings.best)
     if (
         verdict == "unexplained"
-        and findings.repaired
+        and findings.is_repaired
         and findings.best.convention == findings.given.convention
     ):
         other = record(findings.best)
@@ -141,7 +155,7 @@ def _handed_over(
     return findings.given, baseline
 
 
-def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> Record:
+def _record(model: Model, findings: Findings, dataset: SweepDataset, sweep: Sweep) -> Record:
     """The record of a model on the data as it reads them; its intervals are those of the noise that
     judged it.
     """
@@ -155,7 +169,7 @@ def _record(model: Model, findings: Findings, shop: Workshop, sweep: Sweep) -> R
     judged = model.convention.undone(replace(sweep, points=points))
     held = [name for name in sweep.names if name not in fitted]
     record = record_at(
-        model.diagram, judged, model.refit.values, vocabulary=shop.kinds, holdout_op=held
+        model.diagram, judged, model.refit.values, vocabulary=dataset.kinds, holdout_op=held
     )
     if not findings.noise.known:
         record = replace(record, noise_floor=None, over_noise=None)
@@ -208,7 +222,7 @@ def effects_of(
                     else {f"angle at {name}": value for name, value in by_point.items()}
                 )
                 shown = {name: (value, None, None) for name, value in single.items()}
-                same = (*alike(findings, place), *edit.equivalents.get(label, ()))
+                same = (*find_indistinguishable(findings, place), *edit.equivalents.get(label, ()))
                 effects.append(NamedEffect(label, change, where, shown, evidence, same))
             continue
         values = findings.best.refit.values
@@ -218,12 +232,17 @@ def effects_of(
         form: dict[str, Any] = {}
         if isinstance(edit, LimitPlace):
             form = {"mode": edit.limit.mode, "windup": edit.limit.windup}
-        elif is_form(edit):
+        elif is_delay_form(edit):
             form = {"form": forms[0] if forms else "", "forms": list(dict.fromkeys(forms))}
         told = {**evidence, **form}
         effects.append(
             NamedEffect(
-                edit.effect, edit.change, edit.where, parameters, told, alike(findings, place)
+                edit.effect,
+                edit.change,
+                edit.where,
+                parameters,
+                told,
+                find_indistinguishable(findings, place),
             )
         )
     return tuple(effects)
@@ -235,10 +254,12 @@ def evidence_of(findings: Findings) -> dict[str, Any]:
     named = {_name(edit) for edit in best.edits}
     others = [one for one in findings.trials if not one.edits or _name(one.edits[-1]) not in named]
     before, after = findings.before, findings.after
-    runner_up = next(iter(best_first(others, scale)), None)
+    runner_up = next(iter(rank_by_bic(others, scale)), None)
     return {
         "gain": given.cost(scale) - best.cost(scale),
-        "threshold": threshold(best.free - given.free, findings.tests),
+        "threshold": significance_threshold(
+            best.parameter_count - given.parameter_count, findings.tests
+        ),
         "p_before": given.refit.p_value(scale),
         "p_after": best.refit.p_value(scale),
         "runner_up": None if runner_up is None else _name(runner_up.edits[-1]),
@@ -259,9 +280,9 @@ def candidate_of(model: Model, findings: Findings, stable: bool | None) -> Candi
     """A trial as it is told."""
     edit, scale = model.edits[-1], findings.scale
     new = () if isinstance(edit, Convention) else tuple(edit.parameters)
-    adequate = fits(model, findings.noise, scale)
+    adequate = explains_data(model, findings.noise, scale)
     reasons = []
-    if not significant(findings.given, model, max(len(findings.trials), 1), scale):
+    if not is_significant(findings.given, model, max(len(findings.trials), 1), scale):
         reasons.append("does not pay")
     elif not adequate:
         reasons.append("does not fit as well as the noise allows")
@@ -274,7 +295,7 @@ def candidate_of(model: Model, findings: Findings, stable: bool | None) -> Candi
         cost=model.cost(scale),
         gain=findings.given.cost(scale) - model.cost(scale),
         bic=model.bic(scale),
-        free_parameters=model.free,
+        free_parameters=model.parameter_count,
         adequate=adequate,
         stable=stable,
         reason=", ".join(reasons),
@@ -296,8 +317,8 @@ def _held(value: float, name: str, intervals: Intervals) -> Strength:
     return value, low, high
 
 
-def _nominal_responses(given: Model, shop: Workshop) -> dict[str, np.ndarray]:
-    refit = shop.refitter(given.convention).at_values(given.diagram, {})
+def _nominal_responses(given: Model, dataset: SweepDataset) -> dict[str, np.ndarray]:
+    refit = dataset.refitter(given.convention).evaluate_values(given.diagram, {})
     return {
         point.op.name: response
         for point, response in zip(refit.problem.points, refit.responses, strict=True)

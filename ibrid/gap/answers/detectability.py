@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from ibrid.gap.answers.result import Unseen
-from ibrid.gap.refitting.refit import Refit, Refitter
+from ibrid.gap.refitting.refit import SweepFit, SweepFitter
 from ibrid.parts.editing.practice import Effect, Insertion
 
 #: Least noncentrality (chi2) of an effect that an experiment can be expected to show.
@@ -15,8 +15,8 @@ SEEN = 15.0
 
 
 def unseen(
-    refitter: Refitter,
-    model: Refit,
+    refitter: SweepFitter,
+    model: SweepFit,
     edits: Sequence[Insertion],
     catalogue: Sequence[Effect],
     scale: float,
@@ -28,8 +28,10 @@ def unseen(
     cannot be expected to be found.
     """
     deviations = [np.asarray(point.sigma) for point in model.problem.points]
-    believed = model.believed.x_slope(model.x)
-    rows = np.concatenate([model.problem.white_slopes(model.x, deviations), np.diag(believed)])
+    parameter_prior = model.parameter_prior.deviation_slope_in_x(model.x)
+    rows = np.concatenate(
+        [model.problem.white_slopes(model.x, deviations), np.diag(parameter_prior)]
+    )
     if not np.isfinite(rows).all():
         return ()
     scales = np.linalg.norm(rows, axis=0)
@@ -42,13 +44,14 @@ def unseen(
             continue
         middle = {name: bank[len(bank) // 2] for name, bank in edit.parameters.items()}
         try:
-            changed = refitter.at_values(edit.diagram, {**model.values, **middle})
+            changed = refitter.evaluate_values(edit.diagram, {**model.values, **middle})
         except ArithmeticError:
             continue
         pairs = zip(changed.responses, model.responses, deviations, strict=True)
         moves = [((new - old) / deviation).reshape(-1) for new, old, deviation in pairs]
         move = np.concatenate(
-            [part for one in moves for part in (one.real, one.imag)] + [np.zeros(model.free)]
+            [part for one in moves for part in (one.real, one.imag)]
+            + [np.zeros(model.parameter_count)]
         )
         if not np.isfinite(move).all():
             continue

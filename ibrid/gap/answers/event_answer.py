@@ -12,12 +12,18 @@ from ibrid.gap.answers.answer import candidate_of, effects_of, mean_holdout, mov
 from ibrid.gap.answers.detectability import SEEN
 from ibrid.gap.answers.locating import LEAST_Z, MOST
 from ibrid.gap.answers.result import EventAnswer, Gap, LocatedEvent, Unseen
-from ibrid.gap.answers.verdict import Errors, Findings, sentence_of, verdict_of
+from ibrid.gap.answers.verdict import ErrorSummary, Findings, sentence_of, verdict_of
 from ibrid.gap.recordings.event_noise import event_noise
 from ibrid.gap.recordings.event_places import where
-from ibrid.gap.recordings.event_question import Asked
-from ibrid.gap.recordings.event_record import described, mean_error, played, record_of, seen
-from ibrid.gap.recordings.records import Records
+from ibrid.gap.recordings.event_question import EventProblem
+from ibrid.gap.recordings.event_record import (
+    assess_identifiability,
+    describe_linear_model,
+    mean_error,
+    record_of,
+    simulate_events,
+)
+from ibrid.gap.recordings.records import EventDataset
 from ibrid.gap.refitting.model import Model
 from ibrid.measurement.recordings.event_windows import windows_of
 from ibrid.playback.compare import EventModel, Playback, play
@@ -26,7 +32,7 @@ from ibrid.playback.places import places_of
 from ibrid.structure.diagrams.program import program_text
 
 
-def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
+def event_answer(findings: Findings, data: EventDataset, asked: EventProblem) -> Gap:
     """The Gap that findings on records amount to; errors and floor are those of the records, also
     beside a sweep.
     """
@@ -36,7 +42,7 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     )
     model, after_played = given, given_played
     if verdict == "named":
-        model, after_played = findings.best, played(findings.best, data, asked.events)
+        model, after_played = findings.best, simulate_events(findings.best, data, asked.events)
     elif verdict == "unexplained":
         model, after_played = _least_error([given, findings.best], data, asked)
     held = (*asked.held, *(asked.study.held if asked.study else ()))
@@ -54,22 +60,24 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
     floors = floors_of(model, data, asked)
     floor = float(np.mean([floors[name] for name in data.noise.events.names]))
     sentence = sentence_of(
-        verdict, findings, Errors.of(before, after), floor, located(findings.best, data)
+        verdict, findings, ErrorSummary.of(before, after), floor, located(findings.best, data)
     )
     return Gap(
         verdict=verdict,
         sentence=" ".join((sentence, *data.remarks)),
         located=located(findings.given, data),
         ports=(),
-        effects=effects_of(findings, seen(findings.best.refit).intervals)
+        effects=effects_of(findings, assess_identifiability(findings.best.refit).intervals)
         if verdict == "named"
         else (),
         before=before,
         after=after,
         noise_floor=floor,
-        moved=moved(model.refit, seen(model.refit).intervals),
+        moved=moved(model.refit, assess_identifiability(model.refit).intervals),
         could_not_have_seen=unseen(model, data),
-        candidates=tuple(candidate_of(one, findings, data.stable(one)) for one in findings.trials),
+        candidates=tuple(
+            candidate_of(one, findings, data.is_stable(one)) for one in findings.trials
+        ),
         steps=findings.steps,
         noise=findings.noise.source,
         noise_level=findings.noise.level,
@@ -78,37 +86,39 @@ def event_answer(findings: Findings, data: Records, asked: Asked) -> Gap:
         program=program_text(model.diagram),
         baseline=baseline,
         repaired=repaired,
-        sweep=asked.sweep or described(model, data, asked.events),
+        sweep=asked.sweep or describe_linear_model(model, data, asked.events),
         held_out=held,
         events=EventAnswer(given_played, after_played, asked.sweep is not None, floors),
     )
 
 
-def floors_of(model: Model, data: Records, asked: Asked) -> Mapping[str, float]:
+def floors_of(model: Model, data: EventDataset, asked: EventProblem) -> Mapping[str, float]:
     """Record -> NRMSE that noise and sampling would leave, of all records, as a model sees the
     voltage between samples.
     """
     fitter = data.fitter.of(event_noise(asked.events, data.noise.sweep))
-    return fitter.noise_seen(model.diagram, data.beside(model), model.refit.values).floors
+    return fitter.noise_for_model(model.diagram, data.limits_of(model), model.refit.values).floors
 
 
-def _as_given(given: Model, data: Records, asked: Asked) -> Iterator[Model]:
+def _as_given(given: Model, data: EventDataset, asked: EventProblem) -> Iterator[Model]:
     """The model with the values that it came with, where its refit does not explain the data: what
     is missing may have bent that, so that it answers worse.
     """
-    if asked.values and not given.adequate():
-        yield replace(given, refit=data.fitter.at_values(given.diagram, data.limits, {}))
+    if asked.values and not given.is_adequate():
+        yield replace(given, refit=data.fitter.evaluate_values(given.diagram, data.limits, {}))
 
 
-def _least_error(models: Sequence[Model], data: Records, asked: Asked) -> tuple[Model, Playback]:
+def _least_error(
+    models: Sequence[Model], data: EventDataset, asked: EventProblem
+) -> tuple[Model, Playback]:
     """The model that answers the fitted records best, and what it answers."""
-    answers = [(one, played(one, data, asked.events)) for one in models]
+    answers = [(one, simulate_events(one, data, asked.events)) for one in models]
     errors = (mean_error(playback, asked.held) for _, playback in answers)
     places = {place: np.inf if error is None else error for place, error in enumerate(errors)}
     return answers[min(places, key=places.__getitem__)]
 
 
-def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
+def located(model: Model, data: EventDataset) -> tuple[LocatedEvent, ...]:
     """Record, window and component where the refitted model misses, the largest share of the misfit
     first.
 
@@ -133,28 +143,28 @@ def located(model: Model, data: Records) -> tuple[LocatedEvent, ...]:
     return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])
 
 
-def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
+def unseen(model: Model, data: EventDataset) -> tuple[Unseen, ...]:
     """Limits at their typical values that would not have shown in the records: these do not reach
     them.
     """
-    refit, beside = model.refit, data.beside(model)
+    refit, beside = model.refit, data.limits_of(model)
     places, present, undetectable = (
         places_of(model.diagram, data.kinds),
         {one.id for one in beside},
         [],
     )
-    slopes = refit.slopes[: sum(2 * len(one.time) for one in data.noise.events.records)]
+    slopes = refit.jacobian[: sum(2 * len(one.time) for one in data.noise.events.records)]
     basis, sizes, _ = np.linalg.svd(
         slopes / np.maximum(np.linalg.norm(slopes, axis=0), 1e-300), full_matrices=False
     )
     basis, tried = basis[:, sizes > 1e-9 * sizes[0]], set[str]()
-    own = refit.misfit.answered(refit.x)
+    own = refit.misfit.whitened_currents(refit.x)
     for limit in LIMITS:
         if limit.id in present | tried or not applicable(limit, places):
             continue
         tried.add(limit.id)
         misfit = data.fitter.misfit(model.diagram, (*beside, limit))
-        move = misfit.answered(misfit.beliefs.start(refit.values)) - own
+        move = misfit.whitened_currents(misfit.parameter_prior.start(refit.values)) - own
         if not np.isfinite(move).all():
             continue
         left = move - basis @ (basis.T @ move)
@@ -164,9 +174,9 @@ def unseen(model: Model, data: Records) -> tuple[Unseen, ...]:
     return tuple(undetectable)
 
 
-def _nominal(given: Model, data: Records, asked: Asked) -> float | None:
+def _nominal(given: Model, data: EventDataset, asked: EventProblem) -> float | None:
     misfit = data.fitter.misfit(given.diagram, data.limits)
-    values = misfit.values(misfit.beliefs.start({}))
+    values = misfit.values(misfit.parameter_prior.start({}))
     return mean_error(
         play(EventModel(given.diagram, values, data.limits, data.kinds), asked.events), asked.held
     )

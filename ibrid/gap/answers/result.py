@@ -128,7 +128,7 @@ class Candidate(Frozen):
 
 @dataclass(frozen=True)
 class Moved:
-    """A parameter's nominal and refitted value; `sigmas` : how far it moved, in its tolerance;
+    """A parameter's nominal and refitted value; `deviations` : how far it moved, in its tolerance;
     `low`, `high` : 95 %.
     """
 
@@ -179,7 +179,7 @@ class Suggested(Frozen):
 class TriedNonlinearity:
     """A nonlinearity that was fitted.
 
-    `gain` : fall of the cost below the linear model's. `threshold` : as fitted.
+    `gain` : fall of the cost below the linear model's. `significance_threshold` : as fitted.
     """
 
     id: str

@@ -14,7 +14,7 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.answers.locating import by_part
 from ibrid.gap.answers.result import Located
-from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.measurement.sweeps.interpolating import common_points, interpolated
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.structure.diagrams.library import textbook, textbook_names
@@ -57,7 +57,7 @@ def differences(simulated: Sweep, measured: Sweep) -> tuple[Located, ...]:
             f"the two sweeps have no operating point in common, by name or by p, q and v: "
             f"{', '.join(simulated.names)} and {', '.join(measured.names)}"
         )
-    located, noise = [], noise_of(measured).sweep
+    located, noise = [], estimate_noise(measured).sweep
     for simulated_as, name in common:
         point, other = simulated.point(simulated_as), noise.point(name)
         response = interpolated(point.frequency, point.admittance, other.frequency)

@@ -16,9 +16,9 @@ from ibrid.gap.answers.result import Suggested
 from ibrid.gap.answers.verdict import Findings
 from ibrid.gap.ports.port_kinds import PORT_KINDS
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.refitting.held_out import HeldOut
-from ibrid.gap.refitting.model import Model, fits, significant
-from ibrid.gap.trials.trial import Workshop
+from ibrid.gap.refitting.held_out import ValidationErrors
+from ibrid.gap.refitting.model import Model, explains_data, is_significant
+from ibrid.gap.trials.trial import SweepDataset
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary, usual_kind
@@ -90,7 +90,7 @@ def low_order_blocks(question: Question) -> Iterator[Suggestion]:
 
 def suggested(
     findings: Findings,
-    shop: Workshop,
+    dataset: SweepDataset,
     question: Question,
     suggest: Sequence[Suggest] = (low_order_blocks,),
 ) -> tuple[Suggested, ...]:
@@ -106,31 +106,39 @@ def suggested(
             ideas.setdefault(program_text(idea.diagram), idea)
     if not ideas:
         return ()
-    tests, before = findings.tests + len(ideas), findings.before or shop.held_out(findings.given)
-    rows = [_weighed(findings, shop, before, one, text, tests) for text, one in ideas.items()]
+    tests, before = (
+        findings.tests + len(ideas),
+        findings.before or dataset.cross_validate(findings.given),
+    )
+    rows = [_weighed(findings, dataset, before, one, text, tests) for text, one in ideas.items()]
     return tuple(sorted(rows, key=lambda one: (bool(one.reason), one.chi2_per_dof)))
 
 
 def _weighed(
-    findings: Findings, shop: Workshop, held: HeldOut, idea: Suggestion, text: str, tests: int
+    findings: Findings,
+    dataset: SweepDataset,
+    held: ValidationErrors,
+    idea: Suggestion,
+    text: str,
+    tests: int,
 ) -> Suggested:
     given, before = findings.given, findings.given.refit.chi2 / findings.given.refit.dof
     told = Suggested(idea.words, idea.source, text, float("inf"), before)
-    if wrong := violations(idea.diagram, shop.kinds):
+    if wrong := violations(idea.diagram, dataset.kinds):
         return replace(told, reason=f"not legal: {wrong[0].message}")
     starts = (
         [given.refit.values, {}] if idea.values is None else [idea.values, given.refit.values, {}]
     )
-    shop.budget.spend()
+    dataset.budget.spend()
     try:
-        refit = shop.refitter(given.convention).refit(idea.diagram, starts, draws=DRAWS)
+        refit = dataset.refitter(given.convention).fit(idea.diagram, starts, draws=DRAWS)
     except (IbridError, ArithmeticError):
         refit = None
     if refit is None:
         return replace(told, reason="has no response")
     model = Model(idea.diagram, given.convention, refit, given.edits)
-    reason = _fails(findings, shop, model, tests)
-    after = None if reason else shop.held_out(model)
+    reason = _fails(findings, dataset, model, tests)
+    after = None if reason else dataset.cross_validate(model)
     return replace(
         told,
         chi2_per_dof=refit.chi2 / refit.dof,
@@ -142,10 +150,10 @@ def _weighed(
     )
 
 
-def _fails(findings: Findings, shop: Workshop, model: Model, tests: int) -> str:
+def _fails(findings: Findings, dataset: SweepDataset, model: Model, tests: int) -> str:
     """Which test of an effect a suggestion fails, "" when none."""
-    if not significant(findings.given, model, tests, findings.scale):
+    if not is_significant(findings.given, model, tests, findings.scale):
         return "does not pay"
-    if not fits(model, findings.noise, findings.scale):
+    if not explains_data(model, findings.noise, findings.scale):
         return "does not fit as well as the noise allows"
-    return "" if shop.stable(model) else "unstable"
+    return "" if dataset.is_stable(model) else "unstable"

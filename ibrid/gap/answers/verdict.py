@@ -1,5 +1,5 @@
-"""The verdict: one of six, by rules that were fixed before any data were seen, and the sentence
-that says it.
+"""The verdict on findings, one of six by rules that were fixed before any data were seen, and the
+sentence that reports it.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,39 +11,56 @@ from ibrid.evaluation.adequacy import EQUALLY_GOOD, share_explained
 from ibrid.evaluation.reading import is_usual
 from ibrid.gap.answers.result import Located, LocatedEvent, Verdict
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.refitting.held_out import HeldOut
+from ibrid.gap.refitting.held_out import ValidationErrors
 from ibrid.gap.refitting.model import (
     Model,
-    best_first,
+    explains_data,
     explains_nearly_all,
-    fits,
-    is_form,
-    significant,
-    white,
+    has_white_residual,
+    is_delay_form,
+    is_significant,
+    rank_by_bic,
 )
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.refitting.prior import FAR
-from ibrid.gap.trials.delay_forms import lost_forms
+from ibrid.gap.trials.delay_forms import find_lost_forms
 from ibrid.measurement.conventions.labels import FREQUENCY, Convention
 from ibrid.parts.editing.practice import Insertion
 
-#: Part of chi2 that a wrong label leaves at most once it is put right, where every model leaves
-#: more than noise.
-LEFT = 0.5
-#: Times that the error falls by fitting from which that is said.
-MOVED = 3.0
+#: Part of chi2 that corrected labels leave at most, where every model leaves more than noise.
+MISLABELLED_SHARE = 0.5
+#: Ratio of the error as given to the refitted one from which a report mentions the refit.
+REFIT_GAIN = 3.0
 #: Factor within which a noise that is not known agrees with what the best fit leaves.
 AGREEING = 1.2
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """All that a verdict is made from. `rivals` : for each edit of `best`, the trials that compete
-    for its place.
-    `trials` : of the first step, best first. `scale` : of the noise. `tests` : edits that were
-    weighed. `before`, `after` : errors of `given`, and of what repairs it, where they were not
-    fitted; None where nothing repairs it. `complete` : True when everything was tried, so that
-    something can be excluded.
+    """All that a verdict is made from.
+
+    Parameters
+    ----------
+    noise : Noise
+        What the data were weighted by.
+    given, best : Model
+        The refitted given model and the repaired one; the same where no edit is significant.
+    rivals : tuple of tuple of Model
+        For each edit of `best`, the models that compete for its place.
+    trials : tuple of Model
+        Of the first step, best first.
+    ports : tuple of PortFit
+        The port map; () where none was computed.
+    scale : float
+        Factor on the standard deviation of the noise.
+    tests : int
+        Hypotheses tested.
+    steps : tuple of str
+        What was decided, in order.
+    before, after : ValidationErrors or None
+        Of `given` and of `best` on data they were not fitted to; None where nothing repairs.
+    complete : bool
+        Everything was tried, so that effects can be excluded.
     """
 
     noise: Noise
@@ -55,244 +72,265 @@ class Findings:
     scale: float
     tests: int
     steps: tuple[str, ...]
-    before: HeldOut | None = None
-    after: HeldOut | None = None
+    before: ValidationErrors | None = None
+    after: ValidationErrors | None = None
     complete: bool = True
 
     @property
-    def weighed_wrongly(self) -> bool:
-        """True when what is left over looks like noise, but not like the one that data and prior
-        were weighed with.
-        """
+    def noise_disagrees(self) -> bool:
+        """Whether the residual is white, but not of the level that the data were weighted by."""
         agrees = self.noise.known or 1.0 / AGREEING < self.scale < AGREEING
-        return not agrees and (white(self.given) or white(self.best))
+        return not agrees and (has_white_residual(self.given) or has_white_residual(self.best))
 
     @property
-    def misread(self) -> bool:
-        """True when a usual mistake in the labels is among the edits and by itself takes most of
-        the misfit away.
-        """
-        edits = [one for one in self.best.edits if isinstance(one, Convention)]
-        alone = [
-            one.refit.chi2 for one in self.trials if any(one.edits == (edit,) for edit in edits)
+    def is_mislabelled(self) -> bool:
+        """Whether a usual labelling mistake is among the edits and alone explains most."""
+        labels = [edit for edit in self.best.edits if isinstance(edit, Convention)]
+        chi2_of_labels = [
+            trial.refit.chi2
+            for trial in self.trials
+            if any(trial.edits == (label,) for label in labels)
         ]
-        return (
-            any(map(is_usual, edits)) and min(alone, default=np.inf) < LEFT * self.given.refit.chi2
-        )
+        limit = MISLABELLED_SHARE * self.given.refit.chi2
+        return any(map(is_usual, labels)) and min(chi2_of_labels, default=np.inf) < limit
 
     @property
-    def repaired(self) -> bool:
-        """True when an edit paid."""
+    def is_repaired(self) -> bool:
+        """Whether an edit was significant."""
         return self.best is not self.given
+
+    @property
+    def is_best_explaining(self) -> bool:
+        """Whether the best model fits as well as the noise allows."""
+        return explains_data(self.best, self.noise, self.scale)
 
 
 @dataclass(frozen=True)
-class Errors:
-    """NRMSE, nan where there is none, of the model with the values that were given, of it refitted,
-    and of the repaired one.
-    """
+class ErrorSummary:
+    """NRMSE of the model at the given values, refitted, and repaired; nan where not known."""
 
     nominal: float
     before: float
     after: float
 
     @classmethod
-    def of(cls, before: Mapping[str, float | None], after: Mapping[str, float | None]) -> "Errors":
-        """Of what a gap says of the model before and after."""
-        found = (before["nominal"], before["refit"], after["refit"])
-        return cls(*(np.nan if error is None else error for error in found))
+    def of(
+        cls, before: Mapping[str, float | None], after: Mapping[str, float | None]
+    ) -> "ErrorSummary":
+        """Take the errors from `Gap.before` and `Gap.after`."""
+        errors = (before["nominal"], before["refit"], after["refit"])
+        return cls(*(np.nan if error is None else error for error in errors))
 
 
 def verdict_of(findings: Findings) -> Verdict:
-    """One of six; where every model leaves more than noise, only whether a label is wrong can be
-    said.
+    """Decide the verdict.
+
+    Where every model leaves more than the measured noise, only a wrong label can be recognised.
     """
     if findings.noise.measured is not None:
-        return "data-convention" if findings.misread else "unexplained"
-    if fits(findings.best, findings.noise, findings.scale):
+        return "data-convention" if findings.is_mislabelled else "unexplained"
+    if findings.is_best_explaining:
         if any(isinstance(edit, Convention) for edit in findings.best.edits):
             return "data-convention"
-        if findings.repaired:
-            return "data-convention" if all(map(is_form, findings.best.edits)) else "named"
-        return "parameters-only" if moved_far(findings.given) else "no-gap"
-    if named_beside_rest(findings):
+        if findings.is_repaired:
+            return "data-convention" if all(map(is_delay_form, findings.best.edits)) else "named"
+        return "parameters-only" if list_implausible_parameters(findings.given) else "no-gap"
+    if is_named_despite_rest(findings):
         return "named"
-    return "located-unnamed" if any(one.adequate for one in findings.ports) else "unexplained"
+    is_located = any(port_fit.adequate for port_fit in findings.ports)
+    return "located-unnamed" if is_located else "unexplained"
 
 
-def named_beside_rest(findings: Findings) -> bool:
-    """True where one edit takes nearly all of the squared misfit away, and what is left is no
-    matter of its name.
-    """
+def is_named_despite_rest(findings: Findings) -> bool:
+    """Whether one effect explains nearly all of the squared misfit, whatever else is left."""
     edits = findings.best.edits
-    if len(edits) != 1 or not isinstance(edits[0], Insertion) or is_form(edits[0]):
+    if len(edits) != 1 or not isinstance(edits[0], Insertion) or is_delay_form(edits[0]):
         return False
     return explains_nearly_all(findings.given, findings.best, findings.scale)
 
 
-def missed(model: Model) -> float:
-    """What a model of a sweep leaves over, as the rms over all frequencies of its error over
-    |Y|_F.
-    """
-    pairs = zip(model.refit.responses, model.refit.problem.points, strict=True)
-    parts = [
-        np.linalg.norm(y - one.admittance, axis=(1, 2))
-        / np.linalg.norm(one.admittance, axis=(1, 2))
-        for y, one in pairs
-    ]
+def relative_misfit(model: Model) -> float:
+    """Return the rms over all frequencies of |Y_model - Y|_F / |Y|_F of a model of a sweep."""
+    parts = []
+    for response, point in zip(model.refit.responses, model.refit.problem.points, strict=True):
+        error = np.linalg.norm(response - point.admittance, axis=(1, 2))
+        parts.append(error / np.linalg.norm(point.admittance, axis=(1, 2)))
     return float(np.sqrt(np.mean(np.concatenate(parts) ** 2)))
 
 
-def moved_far(model: Model) -> list[str]:
-    """Parameters further than `FAR` from their nominal value, the furthest first."""
-    distance = {name: abs(sigmas) for name, sigmas in model.refit.moved.items()}
-    return sorted(
-        (name for name, far in distance.items() if far > FAR), key=lambda name: -distance[name]
-    )
+def list_implausible_parameters(model: Model) -> list[str]:
+    """List parameters beyond `FAR` standard deviations of their prior, the furthest first."""
+    distances = {name: abs(sigmas) for name, sigmas in model.refit.moved.items()}
+    implausible = [name for name, distance in distances.items() if distance > FAR]
+    return sorted(implausible, key=lambda name: -distances[name])
 
 
-def alike(findings: Findings, place: int) -> tuple[str, ...]:
-    """Ids of other effects that could take the place of an edit: as good, significant, and as
-    adequate.
+def find_indistinguishable(findings: Findings, place: int) -> tuple[str, ...]:
+    """Return the ids of other effects that could take the place of an edit of the best model.
+
+    Those with a BIC as good, significant, and adequate if the best model is. Of a convention, the
+    ids of other labels.
     """
-    best, scale, names = findings.best, findings.scale, list[str]()
-    edit, limit = best.edits[place], best.bic(scale) + EQUALLY_GOOD.bic
+    best = findings.best
+    scale = findings.scale
+    edit = best.edits[place]
+    limit = best.bic(scale) + EQUALLY_GOOD.bic
     if place >= len(findings.rivals):
         return ()
+    rivals = [rival for rival in findings.rivals[place] if rival.bic(scale) <= limit]
     if isinstance(edit, Convention):
-        others = [one.edits[-1] for one in findings.rivals[place] if one.bic(scale) <= limit]
-        labels = [one.ids for one in others if isinstance(one, Convention)]
-        return tuple(dict.fromkeys(name for ids in labels for name in ids if name not in edit.ids))
-    for rival in best_first(findings.rivals[place], scale):
+        others = [rival.edits[-1] for rival in rivals]
+        ids = [name for other in others if isinstance(other, Convention) for name in other.ids]
+        return tuple(dict.fromkeys(name for name in ids if name not in edit.ids))
+    names = list[str]()
+    for rival in rank_by_bic(rivals, scale):
         other = rival.edits[-1]
-        if isinstance(other, Convention) or other.effect == edit.effect or other.effect in names:
+        if isinstance(other, Convention) or other.effect in (edit.effect, *names):
             continue
-        adequate = rival.adequate(scale) or not best.adequate(scale)
-        if (
-            rival.bic(scale) <= limit
-            and adequate
-            and significant(findings.given, rival, findings.tests, scale)
-        ):
+        adequate = rival.is_adequate(scale) or not best.is_adequate(scale)
+        if adequate and is_significant(findings.given, rival, findings.tests, scale):
             names.append(other.effect)
     return tuple(names)
+
+
+# --- the sentence
+# ----------------------------------------------------------------------------------------------
 
 
 def sentence_of(
     verdict: Verdict,
     findings: Findings,
-    errors: Errors,
+    errors: ErrorSummary,
     floor: float | None,
     missed: Sequence[Located | LocatedEvent] = (),
 ) -> str:
-    """The verdict in words for an engineer. floor : NRMSE of noise alone. missed : where the best
-    model misses the data, worst first.
+    """Report the verdict in a sentence for an engineer.
+
+    Parameters
+    ----------
+    floor : float or None
+        NRMSE that noise alone would leave.
+    missed : sequence of Located or LocatedEvent
+        Where the best model misses the data, worst first.
     """
-    before, after = errors.before, errors.after
     noise = "" if floor is None else f", noise alone would leave {floor:.2g}"
-    taken = findings.scale * findings.noise.level
-    limit = (
-        ""
-        if findings.noise.known
-        else f"; the noise is not known, so down to {taken:.2g} of |Y| alone"
-    )
-    if verdict == "no-gap":
-        fitted = (
-            _fitted(findings.given, errors.nominal)
-            if MOVED * before <= errors.nominal < np.inf
-            else ""
-        )
-        return (
-            f"The model explains the data (NRMSE {before:.2g}{noise}){limit}{fitted}: smaller "
-            "effects cannot be excluded."
-        )
-    if verdict == "parameters-only":
-        names = ", ".join(moved_far(findings.given))
-        what = (
-            "No effect is missing: other parameters explain"
-            if findings.complete
-            else "Other parameters explain"
-        )
-        return f"{what} the data (NRMSE {before:.2g}{noise}){limit}; far off: {names}."
+    if verdict in ("no-gap", "parameters-only"):
+        return _report_no_gap(verdict, findings, errors, noise)
     if verdict == "named":
-        what = "; ".join(_told(findings, Insertion))
-        if after > 0.9 * before:
-            implausible = (
-                "the model as given explains the data only with values far from their nominal ones"
-            )
-            return f"{what[0].upper()}{what[1:]}: {implausible} (error {after:.2g}{noise})."
-        as_given = after < errors.nominal < before
-        fell = (
-            f"{'model as given' if as_given else 'refitted model'} falls from "
-            f"{errors.nominal if as_given else before:.2g}"
-        )
-        left = (
-            ""
-            if fits(findings.best, findings.noise, findings.scale)
-            else _left_beside(findings, missed)
-        )
-        return f"{what[0].upper()}{what[1:]}: the error of the {fell} to {after:.2g}{noise}.{left}"
+        return _report_named(findings, errors, noise, missed)
     if verdict == "data-convention":
-        rest = "" if findings.noise.measured is None else ", the rest is not explained"
-        fell = f"(error {before:.2g} -> {after:.2g}{noise}{rest})."
-        labels, forms = (
-            list(_told(findings, Convention)),
-            list(_told(findings, Insertion, form=True)),
-        )
-        if not labels:  # nothing of the data is wrong
-            what = " and ".join(forms)
-            nothing = "; nothing else is missing" if findings.complete else ""
-            return f"{what[0].upper()}{what[1:]}{nothing} {fell}"
-        also = "".join(
-            f"; also {words}" for words in (*forms, *_told(findings, Insertion, form=False))
-        )
-        return (
-            f"The data are written otherwise than the model means: {' and '.join(labels)}{also} "
-            f"{fell}"
-        )
+        return _report_convention(findings, errors, noise)
     if verdict == "located-unnamed":
-        places = [one.port.words for one in findings.ports if one.adequate]
-        where = f"{'at one of these places: ' if len(places) > 1 else 'at '}{', '.join(places)}"
-        known = (
-            "that the catalogue does not know"
-            if findings.complete
-            else "that none of the effects tried is"
+        return _report_located(findings)
+    return _report_unexplained(findings, errors, noise)
+
+
+def _report_no_gap(verdict: Verdict, findings: Findings, errors: ErrorSummary, noise: str) -> str:
+    """Report that the model explains the data, with plausible parameters or with others."""
+    level = findings.scale * findings.noise.level
+    limit = f"; the noise is not known, so down to {level:.2g} of |Y| alone"
+    error = f"(NRMSE {errors.before:.2g}{noise}){'' if findings.noise.known else limit}"
+    if verdict == "no-gap":
+        refit = ""
+        if REFIT_GAIN * errors.before <= errors.nominal < np.inf:
+            refit = _describe_refit(findings.given, errors.nominal)
+        return f"The model explains the data {error}{refit}: smaller effects cannot be excluded."
+    names = ", ".join(list_implausible_parameters(findings.given))
+    others = "Other parameters explain"
+    if findings.complete:
+        others = "No effect is missing: other parameters explain"
+    return f"{others} the data {error}; far off: {names}."
+
+
+def _report_named(
+    findings: Findings,
+    errors: ErrorSummary,
+    noise: str,
+    missed: Sequence[Located | LocatedEvent],
+) -> str:
+    """Report the named effects, how far the error falls, and what is left."""
+    effects = _capitalise("; ".join(_describe_edits(findings, Insertion)))
+    if errors.after > 0.9 * errors.before:
+        return (
+            f"{effects}: the model as given explains the data only with values far from their "
+            f"nominal ones (error {errors.after:.2g}{noise})."
         )
-        return f"Something is missing {known}; one unknown transfer would explain all, {where}."
+    start = f"refitted model falls from {errors.before:.2g}"
+    if errors.after < errors.nominal < errors.before:
+        start = f"model as given falls from {errors.nominal:.2g}"
+    left = "" if findings.is_best_explaining else _describe_remainder(findings, missed)
+    return f"{effects}: the error of the {start} to {errors.after:.2g}{noise}.{left}"
+
+
+def _report_convention(findings: Findings, errors: ErrorSummary, noise: str) -> str:
+    """Report that the data follow other conventions, or the device another form of delay."""
+    rest = "" if findings.noise.measured is None else ", the rest is not explained"
+    error = f"(error {errors.before:.2g} -> {errors.after:.2g}{noise}{rest})."
+    labels = list(_describe_edits(findings, Convention))
+    forms = list(_describe_edits(findings, Insertion, form=True))
+    if not labels:  # nothing of the data is wrong
+        nothing = "; nothing else is missing" if findings.complete else ""
+        return f"{_capitalise(' and '.join(forms))}{nothing} {error}"
+    others = [*forms, *_describe_edits(findings, Insertion, form=False)]
+    also = "".join(f"; also {words}" for words in others)
+    return (
+        f"The data are written otherwise than the model means: {' and '.join(labels)}{also} {error}"
+    )
+
+
+def _report_located(findings: Findings) -> str:
+    """Report the places at which one unknown transfer function explains the data."""
+    places = [port_fit.port.words for port_fit in findings.ports if port_fit.adequate]
+    at = "at one of these places: " if len(places) > 1 else "at "
+    unknown = "that none of the effects tried is"
+    if findings.complete:
+        unknown = "that the catalogue does not know"
+    return (
+        f"Something is missing {unknown}; one unknown transfer would explain all, "
+        f"{at}{', '.join(places)}."
+    )
+
+
+def _report_unexplained(findings: Findings, errors: ErrorSummary, noise: str) -> str:
+    """Report that nothing explains the data, and the nearest model."""
     nearest = ""
-    if findings.repaired:
+    if findings.is_repaired:
         share = 1.0 - findings.best.refit.chi2 / findings.given.refit.chi2
-        what = "; ".join(_told(findings, (Convention, Insertion)))
-        handed = f", which the model handed over has: error {after:.2g}" if after < before else ""
+        edits = "; ".join(_describe_edits(findings, (Convention, Insertion)))
+        handed_over = ""
+        if errors.after < errors.before:
+            handed_over = f", which the model handed over has: error {errors.after:.2g}"
         nearest = (
-            f" Nearest, and not enough to be named: {what} ({100 * share:.0f} % of the squared "
-            f"misfit){handed}."
+            f" Nearest, and not enough to be named: {edits} ({100 * share:.0f} % of the squared "
+            f"misfit){handed_over}."
         )
-    neither = (
-        "or single place does either"
-        if findings.ports
-        else "does either (places were not compared)"
-    )
-    tried = (
-        f"no effect {neither}" if findings.complete else "nothing that was tried until then does"
-    )
-    return f"The model does not explain the data (error {before:.2g}{noise}), and {tried}.{nearest}"
+    tried = "nothing that was tried until then does"
+    if findings.complete and findings.ports:
+        tried = "no effect or single place does either"
+    elif findings.complete:
+        tried = "no effect does either (places were not compared)"
+    error = f"(error {errors.before:.2g}{noise})"
+    return f"The model does not explain the data {error}, and {tried}.{nearest}"
 
 
-def _left_beside(findings: Findings, missed: Sequence[Located | LocatedEvent]) -> str:
-    """What a named effect leaves beside the noise, and where."""
+def _capitalise(words: str) -> str:
+    return f"{words[0].upper()}{words[1:]}"
+
+
+def _describe_remainder(findings: Findings, missed: Sequence[Located | LocatedEvent]) -> str:
+    """Report what a named effect leaves in excess of the noise, and where."""
     refit = findings.best.refit
     share = share_explained(findings.given.refit.chi2, refit.chi2, refit.dof)
-    times = np.sqrt(refit.chi2 / refit.dof) / findings.scale
+    residual = np.sqrt(refit.chi2 / refit.dof) / findings.scale
     where = "".join(f", most of it in {', '.join(worst.place)}" for worst in missed[:1])
     return (
-        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {times:.2g} "
-        "times what noise would leave"
-        f"{where}, and not explained."
+        f" It explains {100 * share:.4g} % of the squared misfit; what is left is {residual:.2g} "
+        f"times what noise would leave{where}, and not explained."
     )
 
 
-def _fitted(model: Model, nominal: float) -> str:
-    """How far from the values that were given a model explains the data."""
+def _describe_refit(model: Model, nominal: float) -> str:
+    """Report the error at the given values, and the parameter that the refit changed most."""
     refit = model.refit
     if not refit.moved:  # values were given of what the program fixes alone
         return ""
@@ -305,57 +343,66 @@ def _fitted(model: Model, nominal: float) -> str:
 
 
 def net_edits(findings: Findings) -> Iterator[tuple[int, Insertion | Convention]]:
-    """The edits of the best model with their places, forms of what is there behind what is not
-    there; one that takes away a part of what another added is told with that, and both are left out
-    where nothing of it stays. Of forms the last one counts, while something that it drew is there.
+    """Yield the edits of the best model that remain, with their places, forms of delays last.
+
+    An edit that removes a part of what another added is reported with that one, and both are left
+    out where nothing of it remains. Of forms of delays the last counts, while its block is there.
     """
-    lost = lost_forms(findings.given.diagram, findings.best.edits)
-    before = {one.name for one in findings.given.diagram.instances}
-    made, edits = dict[str, int](), dict[int, Insertion | Convention]()
+    lost = find_lost_forms(findings.given.diagram, findings.best.edits)
+    blocks = {block.name for block in findings.given.diagram.instances}
+    added_by = dict[str, int]()
+    edits = dict[int, Insertion | Convention]()
     for place, edit in enumerate(findings.best.edits):
-        if is_form(edit):
-            edits = {one: other for one, other in edits.items() if not is_form(other)}
+        if is_delay_form(edit):
+            edits = {other: kept for other, kept in edits.items() if not is_delay_form(kept)}
         edits[place] = edit
         if isinstance(edit, Convention):
             continue
-        now = {one.name for one in edit.diagram.instances}
-        origins = {made.get(name) for name in before - now}
-        made |= dict.fromkeys(now - before, place)
-        before = now
+        blocks_after = {block.name for block in edit.diagram.instances}
+        origins = {added_by.get(name) for name in blocks - blocks_after}
+        added_by |= dict.fromkeys(blocks_after - blocks, place)
+        blocks = blocks_after
         origin = origins.pop() if edit.change == "remove" and len(origins) == 1 else None
-        whole = None if origin is None else edits.get(origin)
-        if isinstance(whole, Insertion) and whole.change == "add" and origin is not None:
-            edits[origin] = replace(whole, where=f"{whole.where}, but for {edit.where}")
-            del edits[place]
-            if not any(made[name] == origin for name in now & made.keys()):
-                del edits[origin]
-    edits = {place: edit for place, edit in edits.items() if place not in lost}
-    yield from sorted(edits.items(), key=lambda item: is_form(item[1]))
+        addition = None if origin is None else edits.get(origin)
+        if origin is None or not isinstance(addition, Insertion) or addition.change != "add":
+            continue
+        edits[origin] = replace(addition, where=f"{addition.where}, but for {edit.where}")
+        del edits[place]
+        if not any(added_by[name] == origin for name in blocks & added_by.keys()):
+            del edits[origin]
+    remaining = [(place, edit) for place, edit in edits.items() if place not in lost]
+    yield from sorted(remaining, key=lambda item: is_delay_form(item[1]))
 
 
-def _told(
-    findings: Findings, sort: type | tuple[type, ...], form: bool | None = None
+def _describe_edits(
+    findings: Findings, kinds: type | tuple[type, ...], form: bool | None = None
 ) -> Iterator[str]:
-    """The edits of a sort in words, each with what these data cannot tell from it. form : those
-    that say how something is drawn, or the others; None: all.
+    """Describe the edits of some kinds, each with what the data cannot distinguish from it.
+
+    form : forms of delays alone, or none of them; None: both.
     """
     for place, edit in net_edits(findings):
-        if isinstance(edit, sort) and form in (None, is_form(edit)):
-            same = edit.equivalents.get(FREQUENCY, ()) if isinstance(edit, Convention) else ()
-            others = " or ".join(
-                name.replace("_", " ") for name in (*alike(findings, place), *same)
-            )
-            words = edit.words if isinstance(edit, Convention) else words_of(edit)
-            yield words + (f" (or it is {others}: these data cannot tell)" if others else "")
+        if not isinstance(edit, kinds) or form not in (None, is_delay_form(edit)):
+            continue
+        others = list(find_indistinguishable(findings, place))
+        if isinstance(edit, Convention):
+            others += edit.equivalents.get(FREQUENCY, ())
+            words = edit.words
+        else:
+            words = describe_insertion(edit)
+        if others:
+            alternatives = " or ".join(name.replace("_", " ") for name in others)
+            words += f" (or it is {alternatives}: these data cannot tell)"
+        yield words
 
 
-def words_of(edit: Insertion) -> str:
-    """An edit as what it says of the device."""
+def describe_insertion(edit: Insertion) -> str:
+    """Describe an edit as a statement on the device."""
     if edit.says:
         return edit.says
-    what = f"{edit.effect.replace('_', ' ')} ({edit.where})"
+    effect = f"{edit.effect.replace('_', ' ')} ({edit.where})"
     if edit.change == "add":
-        return f"the device has {what}, which the model lacks"
+        return f"the device has {effect}, which the model lacks"
     if edit.change == "remove":
-        return f"the model has {what}, which the device lacks"
-    return f"the device has {what} in another form than the model"
+        return f"the model has {effect}, which the device lacks"
+    return f"the device has {effect} in another form than the model"

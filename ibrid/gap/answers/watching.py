@@ -17,7 +17,7 @@ EVERY, COSTS = 10.0, 20.0
 
 
 @dataclass
-class Watch:
+class ProgressReporter:
     """`tell` : is told (words, share of the whole).
 
     `passed_on` : is given what would be answered now, every `EVERY` seconds at most. The clock is

@@ -16,11 +16,11 @@ from typing import Protocol
 import numpy as np
 
 from ibrid.evaluation.record import Record
-from ibrid.gap.ports.open_port import Opened, OpenPort
-from ibrid.gap.ports.port_fit import Target, eliminated, power, settled
+from ibrid.gap.ports.open_port import OpenedModel, OpenPort
+from ibrid.gap.ports.port_fit import PortProblem, eliminate_transfer, iterate_transfer, squared_norm
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.refitting.noise import Noise, noise_of
-from ibrid.gap.refitting.prior import Beliefs
+from ibrid.gap.refitting.noise import Noise, estimate_noise
+from ibrid.gap.refitting.prior import ParameterPrior
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.modules.vocabulary import Vocabulary
 
@@ -98,12 +98,12 @@ def missing_transfer(gap: Repaired) -> MissingTransfer | None:
             )
             curve = port_curve(fit, gap.repaired, gap.sweep, frequency)
             if curve is not None:
-                return _missing(gap, fit, frequency, curve)
+                return _compare_with_repair(gap, fit, frequency, curve)
             best = (fit, frequency, curve) if best is None and fit.adequate else best
-    return None if best is None else _missing(gap, *best)
+    return None if best is None else _compare_with_repair(gap, *best)
 
 
-def _missing(
+def _compare_with_repair(
     gap: Repaired, fit: PortFit, frequency: np.ndarray, curve: np.ndarray | None
 ) -> MissingTransfer:
     offset = 1.0 if fit.port.series else 0.0
@@ -112,8 +112,8 @@ def _missing(
     if curve is not None:
         values |= next(iter(gap.repaired.parameters.values()))
         start = 1.0 + curve[np.isin(frequency, fit.frequency)]
-    noise = noise_of(gap.sweep.without(gap.held_out), gap.noise_level)
-    delta, deviation = measured(fit, gap.repaired.vocabulary, noise, values, start)
+    noise = estimate_noise(gap.sweep.without(gap.held_out), gap.noise_level)
+    delta, deviation = measure_transfer(fit, gap.repaired.vocabulary, noise, values, start)
     return MissingTransfer(fit, offset + delta, deviation, frequency, line)
 
 
@@ -130,22 +130,24 @@ def port_curve(
         for op in repaired.parameters
     )
     values = {**fit.values, **next(iter(repaired.parameters.values()))}
-    opened, data = _opened(fit, repaired.vocabulary, replace(sweep, points=points), values)
+    opened, data = _open_at_values(fit, repaired.vocabulary, replace(sweep, points=points), values)
     if opened is None:
         return None
-    target = Target(
+    target = PortProblem(
         data,
         1.0 / np.maximum(np.linalg.norm(data, axis=(2, 3), keepdims=True), NOTHING),
-        Beliefs([], {}),
+        ParameterPrior([], {}),
         tail=0.0,
     )
     with np.errstate(all="ignore"):
-        g, left = settled(opened, target, eliminated(opened, target), STEPS, enough=0.0)
+        g, left = iterate_transfer(
+            opened, target, eliminate_transfer(opened, target), STEPS, enough=0.0
+        )
     alike = (left <= len(points) * ROUNDING**2).all() and np.abs(g - 1.0).max() > ROUNDING
     return g - 1.0 if alike else None
 
 
-def measured(
+def measure_transfer(
     fit: PortFit, kinds: Vocabulary, noise: Noise, values: Mapping[str, float], start: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Delta and its standard error at a port, (K,) each, from the data of a noise, at parameter
@@ -157,20 +159,22 @@ def measured(
     points = tuple(
         point.at(np.isin(point.frequency, fit.frequency)) for point in noise.sweep.points
     )
-    opened, data = _opened(fit, kinds, replace(noise.sweep, points=points), values)
+    opened, data = _open_at_values(fit, kinds, replace(noise.sweep, points=points), values)
     if opened is None:
         return fit.transfer, fit.deviation
     sigma = np.stack([np.asarray(one.sigma) for one in points], axis=1)
     weight = 1.0 / (sigma * (1.0 if noise.known else max(fit.chi2_per_dof, 1.0) ** 0.5))
-    target = Target(data, weight, Beliefs([], {}), tail=0.0)
+    target = PortProblem(data, weight, ParameterPrior([], {}), tail=0.0)
     with np.errstate(all="ignore"):
-        g, _ = settled(opened, target, start, STEPS, enough=0.0)
-        return g - 1.0, np.maximum(power(target.by_transfer(opened, g)), LEAST_SEEN) ** -0.5
+        g, _ = iterate_transfer(opened, target, start, STEPS, enough=0.0)
+        return g - 1.0, np.maximum(
+            squared_norm(target.transfer_slope(opened, g)), LEAST_SEEN
+        ) ** -0.5
 
 
-def _opened(
+def _open_at_values(
     fit: PortFit, kinds: Vocabulary, sweep: Sweep, values: Mapping[str, float]
-) -> tuple[Opened | None, np.ndarray]:
+) -> tuple[OpenedModel | None, np.ndarray]:
     """A port's model at parameter values, opened at the points of a sweep, and their admittances
     (K, M, 2, 2).
     """

@@ -44,7 +44,7 @@ class OpenPort:
         varying, self._place = np.unique(pattern.derivative_entry, return_inverse=True)
         self.rows, self.columns = pattern.rows[varying], pattern.columns[varying]
 
-    def at(self, theta: np.ndarray) -> "Opened | None":
+    def at(self, theta: np.ndarray) -> "OpenedModel | None":
         """The opened model at parameters theta (P,); None where an operating point does not
         exist.
         """
@@ -78,7 +78,7 @@ class OpenPort:
         if not np.isfinite(inverse).all():
             return None
         x_u = inverse @ inside[..., n:]
-        return Opened(
+        return OpenedModel(
             model=self,
             y_u=leaving[..., n:] + leaving[..., :n] @ x_u,
             y_w=left[..., self.through],
@@ -94,7 +94,7 @@ class OpenPort:
 
 
 @dataclass(frozen=True, eq=False)
-class Opened:
+class OpenedModel:
     """A model at one set of parameters, opened at its port, at K frequencies and M operating
     points.
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit.least_squares import Descent, Points, carried
-from ibrid.gap.ports.open_port import Opened, OpenPort
-from ibrid.gap.refitting.prior import Beliefs
+from ibrid.gap.ports.open_port import OpenedModel, OpenPort
+from ibrid.gap.refitting.prior import ParameterPrior
 
 #: Steps of every start, and of the best of them.
 FIRST_STEPS, MOST_STEPS = 15, 60
@@ -28,48 +28,48 @@ LARGE, TAIL = 10.0, 4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Target:
+class PortProblem:
     """What is fitted: `data`, `weight` : (K, M, 2, 2), 1/sigma.
 
-    `beliefs` : of the parameters. `tail` : of the prior of each Delta; 0 for none.
+    `parameter_prior` : of the parameters. `tail` : of the prior of each Delta; 0 for none.
     """
 
     data: np.ndarray
     weight: np.ndarray
-    beliefs: Beliefs
+    parameter_prior: ParameterPrior
     tail: float = TAIL
 
-    def misfit(self, opened: Opened, g: np.ndarray) -> np.ndarray:
+    def whitened_residuals(self, opened: OpenedModel, g: np.ndarray) -> np.ndarray:
         """White residuals at g (..., K) -> (..., K, 4M)."""
-        return _rows(self.weight * (opened.response(g) - self.data))
+        return _flatten_entries(self.weight * (opened.response(g) - self.data))
 
-    def by_transfer(self, opened: Opened, g: np.ndarray) -> np.ndarray:
+    def transfer_slope(self, opened: OpenedModel, g: np.ndarray) -> np.ndarray:
         """Their derivative by g (..., K) -> (..., K, 4M)."""
-        return _rows(self.weight * opened.slope_by_transfer(g))
+        return _flatten_entries(self.weight * opened.slope_by_transfer(g))
 
     def cost(self, misfit: np.ndarray, g: np.ndarray) -> np.ndarray:
         """chi2 and the prior of each Delta, (..., K, 4M) and (..., K) -> (..., K); infinite where
         there is no response.
         """
-        cost = power(misfit) + self.tail * np.log1p(np.abs(g - 1.0) ** 2 / LARGE**2)
+        cost = squared_norm(misfit) + self.tail * np.log1p(np.abs(g - 1.0) ** 2 / LARGE**2)
         return np.where(np.isfinite(cost), cost, np.inf)
 
-    def hold(self, g: np.ndarray) -> np.ndarray:
+    def prior_weight(self, g: np.ndarray) -> np.ndarray:
         """What the square of a Delta is weighed by, such that it has the slope of the prior."""
         return self.tail / (LARGE**2 + np.abs(g - 1.0) ** 2)
 
 
-def power(a: np.ndarray) -> np.ndarray:
+def squared_norm(a: np.ndarray) -> np.ndarray:
     """a'a, row by row."""
     return np.real(a * a.conj()).sum(axis=-1)
 
 
-def _rows(value: np.ndarray) -> np.ndarray:
+def _flatten_entries(value: np.ndarray) -> np.ndarray:
     return value.reshape(*value.shape[:-3], -1)
 
 
 @dataclass(frozen=True, eq=False)
-class Fit:
+class PortPoint:
     """A point of the search.
 
     `x` : (P,). `g` : (K,). `chi2` : of the data. `cost` : with the prior. `seen` : (K,) a'a of the
@@ -91,10 +91,13 @@ class Fit:
 
 @dataclass(frozen=True, eq=False)
 class OpenPortFit:
-    """An open port's fit as a `SumOfSquares` of its parameters; carries the `Fit` of each point."""
+    """The fit of an open port as a `SumOfSquares` of its parameters x (P,).
+
+    Its `Points` carry the `PortPoint` of each x.
+    """
 
     model: OpenPort
-    target: Target
+    target: PortProblem
 
     @property
     def box(self) -> tuple[np.ndarray, np.ndarray]:
@@ -104,7 +107,9 @@ class OpenPortFit:
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P), the transfers from those near."""
         before = [None] * len(x) if near is None else [fit.g for fit in near.carried[0]]
-        fits = [evaluated(self.model, self.target, *pair) for pair in zip(x, before, strict=True)]
+        fits = [
+            evaluate_port(self.model, self.target, *pair) for pair in zip(x, before, strict=True)
+        ]
         return Points(
             x, np.array([np.inf if fit is None else fit.cost for fit in fits]), carried(fits)
         )
@@ -118,8 +123,8 @@ class OpenPortFit:
 
 
 def fit_port(
-    model: OpenPort, target: Target, starts: Sequence[np.ndarray], steps: int = MOST_STEPS
-) -> Fit | None:
+    model: OpenPort, target: PortProblem, starts: Sequence[np.ndarray], steps: int = MOST_STEPS
+) -> PortPoint | None:
     """The best local optimum inside the boxes that starts x (P,) lead to; None where none has a
     response.
     """
@@ -135,9 +140,9 @@ def fit_port(
 
 
 @np.errstate(all="ignore")
-def evaluated(
-    model: OpenPort, target: Target, x: np.ndarray, before: np.ndarray | None = None
-) -> Fit | None:
+def evaluate_port(
+    model: OpenPort, target: PortProblem, x: np.ndarray, before: np.ndarray | None = None
+) -> PortPoint | None:
     """The fit at x (P,) with the best g, also tried from the one `before`; None where the model has
     no response.
     """
@@ -145,8 +150,8 @@ def evaluated(
     opened = model.at(theta)
     if opened is None:
         return None
-    g = eliminated(opened, target, before)
-    misfit, a = target.misfit(opened, g), target.by_transfer(opened, g)
+    g = eliminate_transfer(opened, target, before)
+    misfit, a = target.whitened_residuals(opened, g), target.transfer_slope(opened, g)
     cost = float(target.cost(misfit, g).sum())
     if not (np.isfinite(cost) and np.isfinite(a).all()):
         return None
@@ -154,15 +159,15 @@ def evaluated(
         opened.slope_by_parameters(g) * model.coordinates.slope(theta)
     )
     slope = slope.reshape(*misfit.shape, len(x))
-    held, seen = target.hold(g), power(a)
+    held, seen = target.prior_weight(g), squared_norm(a)
     follows = -np.einsum("ke,kep->kp", a.conj(), slope) / (seen + held)[:, None]
     left = slope + a[:, :, None] * follows[:, None, :]
     of_g = held[:, None] * follows
-    pulled, down, hold_x = target.beliefs.pull(x)
-    return Fit(
+    pulled, down, hold_x = target.parameter_prior.penalty_terms(x)
+    return PortPoint(
         x=x,
         g=g,
-        chi2=float(power(misfit).sum()),
+        chi2=float(squared_norm(misfit).sum()),
         cost=cost + float(pulled),
         seen=seen,
         gradient=np.real(np.einsum("kep,ke->p", left.conj(), misfit) + of_g.conj().T @ (g - 1.0))
@@ -173,7 +178,9 @@ def evaluated(
     )
 
 
-def eliminated(opened: Opened, target: Target, before: np.ndarray | None = None) -> np.ndarray:
+def eliminate_transfer(
+    opened: OpenedModel, target: PortProblem, before: np.ndarray | None = None
+) -> np.ndarray:
     """The transfer g (K,) of least cost at every frequency.
 
     Begins at g = 1, the g before, and the estimate that is exact for data without noise: w from Y -
@@ -182,19 +189,21 @@ def eliminated(opened: Opened, target: Target, before: np.ndarray | None = None)
     ones = np.ones(len(opened.y_u), dtype=complex)
     signal = target.data - opened.y_u
     entering = opened.z_u + opened.z_w @ (np.linalg.pinv(opened.y_w) @ signal)
-    driven, wanted = (_rows(target.weight * one) for one in (opened.y_w @ entering, signal))
-    guess = ((driven.conj() * wanted).sum(axis=-1) + target.hold(ones)) / (
-        power(driven) + target.hold(ones)
+    driven, wanted = (
+        _flatten_entries(target.weight * one) for one in (opened.y_w @ entering, signal)
     )
-    g, cost = settled(
+    guess = ((driven.conj() * wanted).sum(axis=-1) + target.prior_weight(ones)) / (
+        squared_norm(driven) + target.prior_weight(ones)
+    )
+    g, cost = iterate_transfer(
         opened, target, np.stack([ones, guess] if before is None else [ones, guess, before])
     )
     return np.take_along_axis(g, np.argmin(cost, axis=0)[None], 0)[0]
 
 
-def settled(
-    opened: Opened,
-    target: Target,
+def iterate_transfer(
+    opened: OpenedModel,
+    target: PortProblem,
     g: np.ndarray,
     rounds: int = MOST_ROUNDS,
     enough: float = SETTLED,
@@ -205,19 +214,19 @@ def settled(
     It is no `Descent`: one complex scalar per frequency, in which the response is analytic, has a
     step in closed form.
     """
-    misfit = target.misfit(opened, g)
+    misfit = target.whitened_residuals(opened, g)
     cost, part, moved = target.cost(misfit, g), np.ones(g.shape), True
     step, gain = np.zeros_like(g), np.zeros(g.shape)
     for _ in range(rounds):
         if np.any(moved):
-            a = target.by_transfer(opened, g)
-            total = power(a) + target.hold(g)
-            step = -((a.conj() * misfit).sum(axis=-1) + target.hold(g) * (g - 1.0)) / total
+            a = target.transfer_slope(opened, g)
+            total = squared_norm(a) + target.prior_weight(g)
+            step = -((a.conj() * misfit).sum(axis=-1) + target.prior_weight(g) * (g - 1.0)) / total
             gain = np.abs(step) ** 2 * total
         if (part * gain < enough * (1.0 + cost)).all():
             break
         trial = g + part * step
-        trial_misfit = target.misfit(opened, trial)
+        trial_misfit = target.whitened_residuals(opened, trial)
         trial_cost = target.cost(trial_misfit, trial)
         moved = trial_cost < cost
         g, cost = np.where(moved, trial, g), np.where(moved, trial_cost, cost)

@@ -16,9 +16,9 @@ from ibrid.evaluation.adequacy import is_adequate, p_value
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import high_frequency_seed
 from ibrid.gap.ports.open_port import OpenPort
-from ibrid.gap.ports.port_fit import MOST_STEPS, Fit, Target, fit_port
+from ibrid.gap.ports.port_fit import MOST_STEPS, PortPoint, PortProblem, fit_port
 from ibrid.gap.ports.ports import Port, ports
-from ibrid.gap.refitting.prior import Beliefs, Prior
+from ibrid.gap.refitting.prior import ParameterPrior, Prior
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.diagram import Diagram
@@ -35,7 +35,7 @@ class PortFit:
 
     `chi2` : of the data. `dof` : its degrees of freedom, 8 K M less 2 K and what the data say of
     the parameters.
-    `p_value` : chance of a larger chi2 if only noise is left. `adequate` : p_value above 1e-3.
+    `p_value` : chance of a larger chi2 if only noise is left. `is_adequate` : p_value above 1e-3.
     `frequency` : (K,) Hz.
     `transfer` : (K,) complex, the Delta that was found. `deviation` : (K,), standard error of its
     real or imaginary part, the larger; 5 or more where the data do not see it. `values` : fitted
@@ -79,27 +79,34 @@ def port_map(
     A port at which the model has no response at any start is left out.
     Raises IbridError where sigma is missing, grids differ, or a name is unknown.
     """
-    _check(sweep)
-    searches = [_Search(port, kinds, sweep, prior, scale) for port in _chosen(diagram, kinds, only)]
+    _require_common_grid(sweep)
+    searches = [
+        _PortSearch(port, kinds, sweep, prior, scale)
+        for port in _select_ports(diagram, kinds, only)
+    ]
     if look:
         looks = [
-            one.best([one.target.beliefs.start(start) for start in starts], LOOK)
+            one.fit_from_vectors(
+                [one.target.parameter_prior.start(start) for start in starts], LOOK
+            )
             for one in searches
         ]
-        return tuple(sorted((one for one in looks if one is not None), key=_badness))
-    fits = [one.best(one.given(starts)) for one in searches]
+        return tuple(sorted((one for one in looks if one is not None), key=_rank_key))
+    fits = [one.fit_from_vectors(one.vectors_from(starts)) for one in searches]
     if not any(fit is not None and fit.adequate for fit in fits):
-        again = [one.best(one.drawn(np.random.default_rng(0))) for one in searches]
-        fits = [min((a, b), key=_badness) for a, b in zip(fits, again, strict=True)]
-    return tuple(sorted((one for one in fits if one is not None), key=_badness))
+        again = [
+            one.fit_from_vectors(one.sample_vectors(np.random.default_rng(0))) for one in searches
+        ]
+        fits = [min((a, b), key=_rank_key) for a, b in zip(fits, again, strict=True)]
+    return tuple(sorted((one for one in fits if one is not None), key=_rank_key))
 
 
-def _badness(fit: PortFit | None) -> float:
+def _rank_key(fit: PortFit | None) -> float:
     """To six digits, so that exact twins come in the order of the ports on every machine."""
     return np.inf if fit is None else float(f"{fit.chi2_per_dof:.6g}")
 
 
-def _check(sweep: Sweep) -> None:
+def _require_common_grid(sweep: Sweep) -> None:
     first = sweep.points[0]
     for point in sweep.points:
         if point.sigma is None:
@@ -114,7 +121,9 @@ def _check(sweep: Sweep) -> None:
             )
 
 
-def _chosen(diagram: Diagram, kinds: Vocabulary, only: Sequence[str] | None) -> tuple[Port, ...]:
+def _select_ports(
+    diagram: Diagram, kinds: Vocabulary, only: Sequence[str] | None
+) -> tuple[Port, ...]:
     available = ports(diagram, kinds)
     if only is None:
         return available
@@ -124,7 +133,7 @@ def _chosen(diagram: Diagram, kinds: Vocabulary, only: Sequence[str] | None) -> 
     return tuple(one for one in available if one.name in only)
 
 
-class _Search:
+class _PortSearch:
     """The fits of one port."""
 
     def __init__(
@@ -135,32 +144,35 @@ class _Search:
         self.parameters = self.model.symbolic.parameters
         self.names = [one.name for one in self.parameters]
         self._require(prior, "the prior")
-        beliefs = Beliefs(self.parameters, prior)
+        parameter_prior = ParameterPrior(self.parameters, prior)
         data = np.stack([one.admittance for one in sweep.points], axis=1)
         sigma = np.stack([np.asarray(one.sigma) for one in sweep.points], axis=1)
-        self.target = Target(data, 1.0 / (scale * sigma), beliefs)
+        self.target = PortProblem(data, 1.0 / (scale * sigma), parameter_prior)
 
-    def given(self, starts: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
+    def vectors_from(self, starts: Sequence[Mapping[str, float]]) -> list[np.ndarray]:
         """The given starts, and each with the grid side that the data show; without one the nominal
         values.
         """
         vectors = []
         for start in starts or ({},):
             self._require(start, "a start")
-            vectors.append(self.target.beliefs.start(start))
-        return [*vectors, *(self._seeded(x) for x in vectors if self.grid_side)]
+            vectors.append(self.target.parameter_prior.start(start))
+        return [*vectors, *(self._with_grid_side(x) for x in vectors if self.grid_side)]
 
-    def drawn(self, rng: np.random.Generator) -> list[np.ndarray]:
+    def sample_vectors(self, rng: np.random.Generator) -> list[np.ndarray]:
         """Starts around the nominal values, with that grid side."""
-        middle = self.target.beliefs.start({})
-        width = self.target.beliefs.width(middle, SPREAD)
+        middle = self.target.parameter_prior.start({})
+        width = self.target.parameter_prior.width(middle, SPREAD)
         return [
-            self._seeded(middle + one) for one in width * rng.standard_normal((FURTHER, len(width)))
+            self._with_grid_side(middle + one)
+            for one in width * rng.standard_normal((FURTHER, len(width)))
         ]
 
-    def best(self, starts: Sequence[np.ndarray], steps: int = MOST_STEPS) -> PortFit | None:
+    def fit_from_vectors(
+        self, starts: Sequence[np.ndarray], steps: int = MOST_STEPS
+    ) -> PortFit | None:
         fit = fit_port(self.model, self.target, starts, steps)
-        return None if fit is None else self._described(fit)
+        return None if fit is None else self._summarise(fit)
 
     def _require(self, named: Mapping[str, object], what: str) -> None:
         if unknown := [name for name in named if name not in self.names]:
@@ -185,14 +197,14 @@ class _Search:
             if (plant[0], name) in members
         }
 
-    def _seeded(self, x: np.ndarray) -> np.ndarray:
+    def _with_grid_side(self, x: np.ndarray) -> np.ndarray:
         return np.where(
             [name in self.grid_side for name in self.names],
-            self.target.beliefs.start(self.grid_side),
+            self.target.parameter_prior.start(self.grid_side),
             x,
         )
 
-    def _described(self, fit: Fit) -> PortFit:
+    def _summarise(self, fit: PortPoint) -> PortFit:
         """Degrees of freedom and standard errors; a parameter lies in its box, so that is the least
         known of it.
         """
@@ -200,8 +212,8 @@ class _Search:
         known = (
             fit.believed + (self.model.coordinates.x_high - self.model.coordinates.x_low) ** -2.0
         )
-        covariance = _inverse(fit.information + np.diag(known))
-        known_of_g = fit.seen + self.target.hold(fit.g)
+        covariance = _invert_scaled(fit.information + np.diag(known))
+        known_of_g = fit.seen + self.target.prior_weight(fit.g)
         free = (
             2 * float((fit.seen / known_of_g).sum())
             + len(known)
@@ -226,7 +238,7 @@ class _Search:
         )
 
 
-def _inverse(matrix: np.ndarray) -> np.ndarray:
+def _invert_scaled(matrix: np.ndarray) -> np.ndarray:
     """Of a positive definite matrix, in units that make its diagonal 1."""
     unit = np.diag(matrix) ** -0.5
     values, vectors = np.linalg.eigh(matrix * unit[:, None] * unit)

@@ -63,8 +63,8 @@ def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
 
 def _ports_of(view: View) -> list[Port]:
     legal = []
-    in_series = tuple(places_in_series(view))
-    for place in (*in_series, *missing_paths(view)):
+    in_series = tuple(list_series_locations(view))
+    for place in (*in_series, *list_parallel_locations(view)):
         try:
             drawn = view.drawn(place.edit)
         except NotInVocabulary:
@@ -77,7 +77,7 @@ def _ports_of(view: View) -> list[Port]:
 
 
 @dataclass(frozen=True)
-class Place:
+class PortLocation:
     """`name`, `words` : for programs and for people. `edit` : puts the block in and returns its
     name.
     """
@@ -91,16 +91,16 @@ class Place:
 # ----------------------------------------------------------------------------------------------
 
 
-def places_in_series(view: View) -> Iterator[Place]:
+def list_series_locations(view: View) -> Iterator[PortLocation]:
     """Signals of the controller, from the command back to what is measured."""
     roles, draft = view.roles, view.draft
-    yield Place(
+    yield PortLocation(
         roles.command,
         "the whole voltage command",
         lambda draft: draft.insert_before(roles.command, unknown(Signal.DQ_VEC), "port"),
     )
     for pll in draft.having(Element.PLL):
-        yield Place(
+        yield PortLocation(
             f"{pll}.e_q",
             "the input of the PLL",
             lambda draft, pll=pll: draft.insert_before(
@@ -108,45 +108,50 @@ def places_in_series(view: View) -> Iterator[Place]:
             ),
         )
     for block in roles.power:
-        yield from _measured_power(view, block)
+        yield from _list_power_locations(view, block)
     current = measured_current(view)
     for what, targets in current_entries(view).items():
         name = current if len(targets) > 1 else targets[0]
-        yield Place(name, f"the measured current, for {what}", _behind(current, targets))
+        yield PortLocation(
+            name, f"the measured current, for {what}", _insert_behind(current, targets)
+        )
     measured = feedforward(view)
     if measured is not None:
         name = f"{measured.voltage} -> {roles.command}"
-        yield Place(
+        yield PortLocation(
             name,
             f"the feedforward of {measured.voltage}",
-            _behind(measured.last, [command_entry(draft, view)]),
+            _insert_behind(measured.last, [command_entry(draft, view)]),
         )
     for pack in packs(view):
-        yield Place(f"{pack}.out", "the current reference", _behind(f"{pack}.out"))
+        yield PortLocation(f"{pack}.out", "the current reference", _insert_behind(f"{pack}.out"))
     for name in roles.outer:
         axes = [axis[-1] for axis in ("in_d", "in_q") if regulator(view, axis) == name]
         which = f"of the {' and '.join(axes)} axis" if axes else "beside another"
-        yield Place(f"{name}.out", f"the output of the outer loop {which}", _behind(f"{name}.out"))
+        yield PortLocation(
+            f"{name}.out", f"the output of the outer loop {which}", _insert_behind(f"{name}.out")
+        )
     for name, what in ((roles.current_loop, "current"), (roles.voltage_loop, "voltage")):
         if name is not None:
-            yield Place(
-                f"{name}.out", f"the output of the {what} regulator", _behind(f"{name}.out")
+            yield PortLocation(
+                f"{name}.out", f"the output of the {what} regulator", _insert_behind(f"{name}.out")
             )
 
 
-def _behind(source: str, targets: Iterable[str] = ()) -> Callable[[Edit], str]:
+def _insert_behind(source: str, targets: Iterable[str] = ()) -> Callable[[Edit], str]:
     """A block behind an output, for all that takes it or for some inputs."""
     return lambda draft: draft.insert(
         source, targets or draft.targets(source), unknown(draft.signal(source)), "port"
     )
 
 
-def _measured_power(view: View, block: str) -> Iterator[Place]:
+def _list_power_locations(view: View, block: str) -> Iterator[PortLocation]:
     """One block for p and q, or for that of them which the model uses."""
     used = {axis: f"{block}.{axis}" for axis in "pq" if view.draft.targets(f"{block}.{axis}")}
     if len(used) < 2:
         yield from (
-            Place(port, f"the measured {axis}", _behind(port)) for axis, port in used.items()
+            PortLocation(port, f"the measured {axis}", _insert_behind(port))
+            for axis, port in used.items()
         )
         return
 
@@ -165,14 +170,14 @@ def _measured_power(view: View, block: str) -> Iterator[Place]:
             draft.chain(used[axis], f"{pair}.{entry}", f"{name}.out", f"{out}.in_")
         return name
 
-    yield Place(" and ".join(used.values()), "the measured p and q", edit)
+    yield PortLocation(" and ".join(used.values()), "the measured p and q", edit)
 
 
 # --- missing paths
 # ----------------------------------------------------------------------------------------------
 
 
-def missing_paths(view: View) -> Iterator[Place]:
+def list_parallel_locations(view: View) -> Iterator[PortLocation]:
     """From measured voltages and currents to the command and the current reference, to the axes of
     that, and at the PCC.
     """
@@ -182,48 +187,58 @@ def missing_paths(view: View) -> Iterator[Place]:
     measured = measured_current(view) if roles.current_loop else None
     outputs = draft.kind(plant).outputs
     if feedforward(view) is None:
-        yield _path(roles.voltage, *command, "a path from the filter voltage to the command")
+        yield _parallel_location(
+            roles.voltage, *command, "a path from the filter voltage to the command"
+        )
     if "i_ti" in outputs:
         if measured != f"{plant}.i_ti":
-            yield _path(
+            yield _parallel_location(
                 f"{plant}.i_ti", *command, "a path from the converter current to the command"
             )
-        yield _path(f"{plant}.i_C", *command, "a path from the capacitor current to the command")
-        yield _path(
+        yield _parallel_location(
+            f"{plant}.i_C", *command, "a path from the capacitor current to the command"
+        )
+        yield _parallel_location(
             f"{plant}.i_ti",
             *command,
             "a coupling of the axes by the converter current",
             turned=True,
         )
     if measured != f"{plant}.i_g":
-        yield _path(
+        yield _parallel_location(
             f"{plant}.i_g", *reference, "a path from the grid current to the current reference"
         )
-    yield _path(
+    yield _parallel_location(
         f"{plant}.i_g", *reference, "a coupling of the axes by the grid current", turned=True
     )
     loop = regulator(view, "in_d")
     if roles.frequency is not None and loop is not None and regulates(view, loop) == "p":
         (frequency, *_) = draft.sources(f"{plant}.delta_omega")
         entry = f"{loop}.in_"
-        yield _path(frequency, entry, [entry], "a path from the frequency to the loop of p")
-    yield from _axis_paths(view)
+        yield _parallel_location(
+            frequency, entry, [entry], "a path from the frequency to the loop of p"
+        )
+    yield from _list_axis_locations(view)
     pcc = (TERMINAL_VOLTAGE, TERMINAL_CURRENT, [TERMINAL_CURRENT])
-    yield _path(*pcc, "a shunt at the PCC that acts on each axis")
-    yield _path(*pcc, "a shunt at the PCC that couples the axes", turned=True)
+    yield _parallel_location(*pcc, "a shunt at the PCC that acts on each axis")
+    yield _parallel_location(*pcc, "a shunt at the PCC that couples the axes", turned=True)
 
 
-def _path(
+def _parallel_location(
     source: str, joined: str, targets: Iterable[str], words: str, *, turned: bool = False
-) -> Place:
+) -> PortLocation:
     """Delta times a source, or J times that, added to inputs."""
     if not turned:
-        return Place(f"{source} -> {joined}", words, _added(lambda draft: source, targets))
-    crossed = _added(lambda draft: draft.after(source, QUARTER_TURN.name, "port_J"), targets)
-    return Place(f"J {source} -> {joined}", words, crossed)
+        return PortLocation(
+            f"{source} -> {joined}", words, _insert_parallel(lambda draft: source, targets)
+        )
+    crossed = _insert_parallel(
+        lambda draft: draft.after(source, QUARTER_TURN.name, "port_J"), targets
+    )
+    return PortLocation(f"J {source} -> {joined}", words, crossed)
 
 
-def _axis_paths(view: View) -> Iterator[Place]:
+def _list_axis_locations(view: View) -> Iterator[PortLocation]:
     """To one axis of the current reference: from what may regulate it, in place of what does if
     that is something else.
     """
@@ -256,20 +271,24 @@ def _axis_paths(view: View) -> Iterator[Place]:
             for what, (name, start) in by_name.items():
                 words = f"a path from {name} to the {axis[-1]} axis of the current reference"
                 if present is None and outer is None:
-                    yield Place(f"{name} -> {target}", words, _added(start, [target]))
+                    yield PortLocation(
+                        f"{name} -> {target}", words, _insert_parallel(start, [target])
+                    )
                 elif present != what:
                     instead = f" in place of {outer}"
-                    yield Place(
+                    yield PortLocation(
                         f"{name} -> {target}{instead}",
                         words + instead,
-                        _added(start, [target], instead=outer),
+                        _insert_parallel(start, [target], instead=outer),
                     )
             if present == "q":
                 words = f"a path from {voltage} to the q axis of the current reference"
-                yield Place(f"{voltage} -> {target}", words, _added(size, [target]))
+                yield PortLocation(
+                    f"{voltage} -> {target}", words, _insert_parallel(size, [target])
+                )
 
 
-def _added(
+def _insert_parallel(
     start: Callable[[Edit], str], targets: Iterable[str], *, instead: str | None = None
 ) -> Callable[[Edit], str]:
     """Delta times what `start` finds or makes, added to inputs: 1 + Delta of it beside -1 of it.

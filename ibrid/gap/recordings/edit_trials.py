@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from ibrid.gap.recordings.event_fit import EventFit, EventFitter, without
-from ibrid.gap.recordings.event_misfit import Descending
-from ibrid.gap.recordings.limit_race import ahead, in_front
-from ibrid.gap.recordings.weighed import HALF, RIVAL, EditKey, Tried, Weighed, edit_key
+from ibrid.gap.recordings.event_fit import EventFit, EventFitter, select_events
+from ibrid.gap.recordings.event_misfit import EventDescent
+from ibrid.gap.recordings.limit_race import rank_entrants, run_rungs
+from ibrid.gap.recordings.weighed import HALF, RIVAL, EditKey, EventEvaluation, TriedEdits, edit_key
 from ibrid.gap.refitting.model import Model, Values
-from ibrid.gap.trials.trial import strengths
+from ibrid.gap.trials.trial import start_values
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.editing.practice import Insertion
 
@@ -38,9 +38,9 @@ _Look = tuple[Insertion, Model]
 class EditTrials:
     """Trials on records of one weight."""
 
-    def __init__(self, weighed: Weighed) -> None:
+    def __init__(self, weighed: EventEvaluation) -> None:
         self.weighed, self.fitter = weighed, weighed.fitter
-        self._tried = Tried()
+        self._tried = TriedEdits()
         self._alone: dict[str, EventFitter] = {}
 
     def of(self, model: Model) -> dict[EditKey, Model]:
@@ -54,8 +54,8 @@ class EditTrials:
         if (known := self._tried.of(model)) is not None:
             return known
         edits = insertions(model.diagram, self.weighed.kinds, self.weighed.catalogue)
-        swept = self._swept(model, edits)
-        first, *others = (self._ranked(model, edits, origin) for origin in self._origins(model))
+        swept = self._screen_on_sweep(model, edits)
+        first, *others = (self._rank_edits(model, edits, origin) for origin in self._origins(model))
         least = first[0][1].cost() - model.cost() if first else 0.0
         rivals = [
             glance for _, glance in first[:GLANCED] if glance.cost() - model.cost() <= RIVAL * least
@@ -64,81 +64,89 @@ class EditTrials:
             ((edit, glance), one)
             for edit, glance in first
             if glance in rivals or edit_key(edit) in swept
-            for one in self._begun(model, edit, [glance.refit.values, swept.get(edit_key(edit))])
+            for one in self._start_edit(
+                model, edit, [glance.refit.values, swept.get(edit_key(edit))]
+            )
         ]
-        put_back = [
-            runner for ranked in others for runner in self._set_out(model, ranked[:PUT_BACK])
+        reset_implausible = [
+            runner for ranked in others for runner in self._enter_edits(model, ranked[:PUT_BACK])
         ]
         models, fits = {edit_key(edit): glance for edit, glance in first}, list[EventFit]()
-        front = in_front([*ahead(runners, RACED), *put_back], HEATS)
+        front = run_rungs([*rank_entrants(runners, RACED), *reset_implausible], HEATS)
         if (
-            model.adequate()
+            model.is_adequate()
             and front
-            and front[0][1].cost > HALF * self.weighed.predicted_cost(model)
+            and front[0][1].cost > HALF * self.weighed.prediction_cost(model)
         ):
             front = []  # nothing is clearly better than what the records allow
         for number, ((edit, glance), descent) in enumerate(front):
             lags = number >= FITS or descent.cost > CLOSE * front[0][1].cost
-            if lags and any(fit.adequate() for fit in fits):
+            if lags and any(fit.is_adequate() for fit in fits):
                 break
-            starts = [descent.values, *strengths(edit, [model.refit.values])]
+            starts = [descent.values, *start_values(edit, [model.refit.values])]
             if (
-                fit := self.fitter.fit(edit.diagram, self.weighed.beside(glance), starts, led=False)
+                fit := self.fitter.fit(
+                    edit.diagram, self.weighed.limits_of(glance), starts, led=False
+                )
             ) is not None:
                 fits.append(fit)
                 fitted = replace(glance, refit=fit)
                 models[edit_key(edit)] = min(
                     models.get(edit_key(edit), fitted), fitted, key=lambda one: one.refit.cost
                 )
-        return self._tried.keep(model, models)
+        return self._tried.store(model, models)
 
-    def begun_at(self, model: Model, edits: Sequence[Insertion], values: Values) -> list[Model]:
+    def fit_from(self, model: Model, edits: Sequence[Insertion], values: Values) -> list[Model]:
         """A model with each of the first edits, fitted from values of the rest of it."""
-        runners = self._set_out(model, self._ranked(model, edits, values)[:GLANCED])
+        runners = self._enter_edits(model, self._rank_edits(model, edits, values)[:GLANCED])
         models = list[Model]()
-        for (edit, glance), descent in in_front(ahead(runners, RACED), HEATS)[:FITS]:
+        for (edit, glance), descent in run_rungs(rank_entrants(runners, RACED), HEATS)[:FITS]:
             fit = self.fitter.fit(
-                edit.diagram, self.weighed.beside(glance), [descent.values], led=False
+                edit.diagram, self.weighed.limits_of(glance), [descent.values], led=False
             )
             models += [] if fit is None else [replace(glance, refit=fit)]
         return models
 
-    def _ranked(self, model: Model, edits: Sequence[Insertion], origin: Values) -> list[_Look]:
+    def _rank_edits(self, model: Model, edits: Sequence[Insertion], origin: Values) -> list[_Look]:
         """Edits of a model with a glance at each from an origin, the best first."""
         glances = [
             (edit, glance)
             for edit in edits
-            if (glance := self._glance(model, edit, origin)) is not None
+            if (glance := self._screen_on_worst_event(model, edit, origin)) is not None
         ]
         return sorted(glances, key=lambda pair: pair[1].refit.cost)
 
-    def _set_out(self, model: Model, ranked: Sequence[_Look]) -> list[tuple[_Look, Descending]]:
+    def _enter_edits(
+        self, model: Model, ranked: Sequence[_Look]
+    ) -> list[tuple[_Look, EventDescent]]:
         """Edits of a model, each begun where a glance at it ended."""
         return [
             ((edit, glance), one)
             for edit, glance in ranked
-            for one in self._begun(model, edit, [glance.refit.values])
+            for one in self._start_edit(model, edit, [glance.refit.values])
         ]
 
-    def _begun(
+    def _start_edit(
         self, model: Model, edit: Insertion, starts: Sequence[Values | None]
-    ) -> list[Descending]:
+    ) -> list[EventDescent]:
         """An edit of a model at the best start of a race by predictions of all records; none where
         no start has an answer.
         """
         misfit = self.fitter.misfit(
-            edit.diagram, self.weighed.beside(self.weighed.changed(model, edit))
+            edit.diagram, self.weighed.limits_of(self.weighed.with_edit(model, edit))
         )
-        return misfit.predicting.coarse.best_of([one for one in starts if one is not None], 1)
+        return misfit.prediction.coarse.start_descents_from(
+            [one for one in starts if one is not None], 1
+        )
 
-    def _swept(self, model: Model, edits: Sequence[Insertion]) -> dict[EditKey, Values]:
+    def _screen_on_sweep(self, model: Model, edits: Sequence[Insertion]) -> dict[EditKey, Values]:
         """The edits that explain most of the sweep at a glance, with their values there; none
         without a sweep.
         """
         if (refitter := self.fitter.refitter) is None:
             return {}
         looks = [
-            (one, refitter.glance(one.diagram, strengths(one, (model.refit.values, {}))))
+            (one, refitter.screen(one.diagram, start_values(one, (model.refit.values, {}))))
             for one in edits
         ]
         found = sorted(
@@ -146,30 +154,34 @@ class EditTrials:
         )
         return {edit_key(one): look.values for one, look in found[:SWEPT]}
 
-    def _glance(self, model: Model, insertion: Insertion, origin: Values) -> Model | None:
+    def _screen_on_worst_event(
+        self, model: Model, insertion: Insertion, origin: Values
+    ) -> Model | None:
         """A model with an edit, ranked by predictions of the record that the model misses most, a
         step from an origin.
 
         Its cost is that of the model and the misfit of the predictions: it ranks glances, and never
         beats a fit.
         """
-        changed, name = self.weighed.changed(model, insertion), self._worst(model)
+        changed, name = self.weighed.with_edit(model, insertion), self._worst_event(model)
         if name not in self._alone:
-            self._alone[name] = self.fitter.of(without(self.weighed.noise, name, hold=True))
-        starts = [*strengths(insertion, (origin,))]
-        descent = self._alone[name].glance(insertion.diagram, self.weighed.beside(changed), starts)
+            self._alone[name] = self.fitter.of(select_events(self.weighed.noise, name, hold=True))
+        starts = [*start_values(insertion, (origin,))]
+        descent = self._alone[name].screen(
+            insertion.diagram, self.weighed.limits_of(changed), starts
+        )
         if descent is None:
             return None
-        misfit = self.fitter.misfit(insertion.diagram, self.weighed.beside(changed))
+        misfit = self.fitter.misfit(insertion.diagram, self.weighed.limits_of(changed))
         refit = replace(
             model.refit,
             values=descent.values,
             chi2=model.refit.cost + descent.cost,
             penalty=0.0,
-            free=len(descent.x),
+            parameter_count=len(descent.x),
             misfit=misfit,
             diagram=insertion.diagram,
-            limits=self.weighed.beside(changed),
+            limits=self.weighed.limits_of(changed),
             x=descent.x,
         )
         return replace(changed, refit=refit)
@@ -178,13 +190,13 @@ class EditTrials:
         """Where glances at edits of a model begin: where predictions lead it; and, where that is
         far from what is believed, since what is missing has bent it, at what is believed.
         """
-        led, beliefs = (
-            self.weighed.led(model),
-            self.fitter.misfit(model.diagram, self.weighed.beside(model)).beliefs,
+        led, parameter_prior = (
+            self.weighed.predicted_values(model),
+            self.fitter.misfit(model.diagram, self.weighed.limits_of(model)).parameter_prior,
         )
-        x = beliefs.start(led)
-        return [led] if np.array_equal(beliefs.put_back(x), x) else [led, {}]
+        x = parameter_prior.start(led)
+        return [led] if np.array_equal(parameter_prior.reset_implausible(x), x) else [led, {}]
 
-    def _worst(self, model: Model) -> str:
+    def _worst_event(self, model: Model) -> str:
         pairs = zip(self.weighed.noise.events.names, model.refit.residuals, strict=False)
         return max(pairs, key=lambda pair: float((np.abs(pair[1]) ** 2).mean()))[0]

@@ -11,13 +11,18 @@ import numpy as np
 from ibrid.errors import IbridError
 from ibrid.fit.ipopt import minimise
 from ibrid.fit.problem import Misfit
-from ibrid.gap.recordings.event_misfit import LED, PLAIN, Descending, EventMisfit
+from ibrid.gap.recordings.event_misfit import (
+    PREDICTION_EFFORT,
+    SIMULATION_EFFORT,
+    EventDescent,
+    EventMisfit,
+)
 from ibrid.gap.recordings.event_noise import NOMINAL, EventNoise
-from ibrid.gap.recordings.release import by_holds, by_moments, by_until
-from ibrid.gap.refitting.kept import Kept
-from ibrid.gap.refitting.model import Fitted, Values
+from ibrid.gap.recordings.release import holds_from_moments, moments_from_hold, with_release_moments
+from ibrid.gap.refitting.kept import DiagramCache
+from ibrid.gap.refitting.model import FitResult, Values
 from ibrid.gap.refitting.prior import Prior
-from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.refitting.refit import SweepFitter
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.playback.limits import Limit
 from ibrid.playback.player import Player
@@ -37,7 +42,7 @@ MOST_KEPT = 150
 
 
 @dataclass(frozen=True, eq=False)
-class EventFit(Fitted):
+class EventFit(FitResult):
     """A diagram with limits at its best parameters. `x` : (P,) in search coordinates."""
 
     diagram: Diagram
@@ -56,32 +61,35 @@ class EventFit(Fitted):
         """Parameter with a nominal value -> how far it is from that, in standard deviations of its
         tolerance.
         """
-        return self.misfit.beliefs.moved(self.x)
+        return self.misfit.parameter_prior.moved(self.x)
 
     @cached_property
     def residuals(self) -> list[np.ndarray]:
         """(i_model - i) / sigma, d + j q, (N,) of each record; then those of the sweep's points."""
-        return [*self.misfit.white(self.x), *self.misfit.white_sweep(self.x)]
+        return [*self.misfit.complex_residuals(self.x), *self.misfit.sweep_residuals(self.x)]
 
     @property
-    def told_by(self) -> float:
+    def noise_dof(self) -> float:
         """Degrees of freedom of the estimate of the noise."""
-        return self.misfit.noise.told_by
+        return self.misfit.noise.noise_dof
 
     @cached_property
-    def slopes(self) -> np.ndarray:
+    def jacobian(self) -> np.ndarray:
         """Whitened slopes of all numbers by x, the prior's below: (R + P, P)."""
-        return self.misfit.rows(self.x)
+        return self.misfit.whitened_jacobian(self.x)
 
 
 class EventFitter:
     """Fits diagrams with limits to the same records, and to a sweep where there is one."""
 
     def __init__(
-        self, noise: EventNoise, kinds: Vocabulary, prior: Prior, refitter: Refitter | None
+        self, noise: EventNoise, kinds: Vocabulary, prior: Prior, refitter: SweepFitter | None
     ) -> None:
         self.noise, self.kinds, self.prior, self.refitter = noise, kinds, prior, refitter
-        self._misfits, self._players = Kept[EventMisfit](MOST_KEPT), Kept[Player](MOST_KEPT)
+        self._misfits, self._players = (
+            DiagramCache[EventMisfit](MOST_KEPT),
+            DiagramCache[Player](MOST_KEPT),
+        )
 
     def of(self, noise: EventNoise) -> "EventFitter":
         """The same for other records; laws are joined once for all."""
@@ -89,7 +97,7 @@ class EventFitter:
         other._players = self._players
         return other
 
-    def noise_seen(
+    def noise_for_model(
         self,
         diagram: Diagram,
         limits: Sequence[Limit],
@@ -101,9 +109,12 @@ class EventFitter:
         """
         try:
             misfit = self.misfit(diagram, limits)
-            x = misfit.beliefs.start(values)
-            own = {record.name: misfit.values_in(record, x) for record in self.noise.events.records}
-            return self.noise.seen_by(misfit.player, own, pulse_error)
+            x = misfit.parameter_prior.start(values)
+            own = {
+                record.name: misfit.values_for_event(record, x)
+                for record in self.noise.events.records
+            }
+            return self.noise.for_model(misfit.player, own, pulse_error)
         except IbridError:
             return self.noise
 
@@ -139,52 +150,66 @@ class EventFitter:
         """
         try:
             misfit = self.misfit(diagram, limits)
-            followed = self.misfit(diagram, by_until(limits))
+            followed = self.misfit(diagram, with_release_moments(limits))
         except IbridError:
             return None
         if followed is misfit:
-            descent = _descended(misfit, _grown(misfit, starts) if growing else starts, led=led)
+            descent = _descend_best_start(
+                misfit, _follow_growing_records(misfit, starts) if growing else starts, led=led
+            )
         else:
-            whole = [misfit.values(misfit.beliefs.start(values)) for values in starts]
-            moments = [moved for values in whole for moved in by_moments(values, self.noise.events)]
-            seen = _descended(followed, moments, led=led or growing)
-            held = misfit.best_of(by_holds(followed, seen.x) if seen else [], 1)
-            descent = held[0].go(*PLAIN) if held else _descended(misfit, starts, led=led or growing)
+            whole = [misfit.values(misfit.parameter_prior.start(values)) for values in starts]
+            moments = [
+                moved for values in whole for moved in moments_from_hold(values, self.noise.events)
+            ]
+            seen = _descend_best_start(followed, moments, led=led or growing)
+            held = misfit.start_descents_from(
+                holds_from_moments(followed, seen.x) if seen else [], 1
+            )
+            descent = (
+                held[0].run(*SIMULATION_EFFORT)
+                if held
+                else _descend_best_start(misfit, starts, led=led or growing)
+            )
         return self.at(diagram, limits, descent.x) if descent else None
 
-    def predicted(
+    def fit_predictions(
         self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
     ) -> Values:
         """Values to which predictions lead the best start; the first start where none has an
         answer.
         """
-        misfit = self.misfit(diagram, limits).predicting
-        best = misfit.best_of(starts, 1)
-        return best[0].go(*LED).values if best else misfit.values(misfit.beliefs.start(starts[0]))
+        misfit = self.misfit(diagram, limits).prediction
+        best = misfit.start_descents_from(starts, 1)
+        return (
+            best[0].run(*PREDICTION_EFFORT).values
+            if best
+            else misfit.values(misfit.parameter_prior.start(starts[0]))
+        )
 
-    def glance(
+    def screen(
         self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
-    ) -> Descending | None:
+    ) -> EventDescent | None:
         """The best start by predictions after a step; None where none has an answer."""
         try:
-            misfit = self.misfit(diagram, limits).predicting.coarse
+            misfit = self.misfit(diagram, limits).prediction.coarse
         except IbridError:
             return None
-        begun = misfit.best_of(starts, 1)
-        return begun[0].go(1, 1) if begun else None
+        begun = misfit.start_descents_from(starts, 1)
+        return begun[0].run(1, 1) if begun else None
 
     def at(self, diagram: Diagram, limits: Sequence[Limit], x: np.ndarray) -> EventFit:
         """A diagram at given search coordinates."""
         misfit = self.misfit(diagram, limits)
-        penalty = float(misfit.beliefs.pull(x)[0])
+        penalty = float(misfit.parameter_prior.penalty_terms(x)[0])
         cost = float(misfit.at(x[None]).cost[0])
         return EventFit(
             values=misfit.values(x),
             chi2=cost - penalty,
             penalty=penalty,
             dof=max(misfit.count - len(x), misfit.count / 2),
-            numbers=misfit.measured,
-            free=len(x),
+            measurement_count=misfit.measurement_count,
+            parameter_count=len(x),
             diagram=diagram,
             limits=tuple(limits),
             misfit=misfit,
@@ -192,35 +217,46 @@ class EventFitter:
             x=x,
         )
 
-    def settled(self, fit: EventFit) -> EventFit:
+    def polish(self, fit: EventFit) -> EventFit:
         """A fit as the solver of record leaves it; as it is where the model jumps, for which Ipopt
         has no slopes.
         """
-        if fit.misfit.jumping.any():
+        if fit.misfit.is_discontinuous.any():
             return fit
         low, high = fit.misfit.box
         box = np.maximum(low, fit.x - WITHIN), np.minimum(high, fit.x + WITHIN)
-        x, *_ = minimise(fit.misfit.valued, box, fit.x, iterations=ITERATIONS, gain=STEPS_GAIN)
+        x, *_ = minimise(
+            fit.misfit.evaluate_objective, box, fit.x, iterations=ITERATIONS, gain=STEPS_GAIN
+        )
         return min((fit, self.at(fit.diagram, fit.limits, x)), key=lambda one: one.cost)
 
-    def at_values(self, diagram: Diagram, limits: Sequence[Limit], values: Values) -> EventFit:
+    def evaluate_values(
+        self, diagram: Diagram, limits: Sequence[Limit], values: Values
+    ) -> EventFit:
         """A diagram at values by name; what they lack is the nominal or the typical value."""
-        return self.at(diagram, limits, self.misfit(diagram, limits).beliefs.start(values))
+        return self.at(diagram, limits, self.misfit(diagram, limits).parameter_prior.start(values))
 
 
-def _descended(misfit: EventMisfit, starts: Sequence[Values], *, led: bool) -> Descending | None:
+def _descend_best_start(
+    misfit: EventMisfit, starts: Sequence[Values], *, led: bool
+) -> EventDescent | None:
     """The best start at its end, by predictions first."""
-    ends = [one.x for one in misfit.best_of(starts, 1)]
+    ends = [one.x for one in misfit.start_descents_from(starts, 1)]
     if led:
-        ends += [one.go(*LED).x for one in misfit.predicting.best_of(starts, FOLLOWED)]
-    plain = misfit.best(np.array(ends), len(ends)) if ends else []
+        ends += [
+            one.run(*PREDICTION_EFFORT).x
+            for one in misfit.prediction.start_descents_from(starts, FOLLOWED)
+        ]
+    plain = misfit.start_descents(np.array(ends), len(ends)) if ends else []
     worth = [
         one for one in plain if one.cost <= WORTH * plain[0].cost
     ]  # all of them before any is descended
-    return min((one.go(*PLAIN) for one in worth), key=lambda one: one.cost, default=None)
+    return min(
+        (one.run(*SIMULATION_EFFORT) for one in worth), key=lambda one: one.cost, default=None
+    )
 
 
-def _grown(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
+def _follow_growing_records(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
     """Where the records lead the best start as they grow.
 
     The starts themselves where none has an answer, and of frames of an estimator, whose windows
@@ -230,12 +266,12 @@ def _grown(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
         return starts
     longest = max(float(one.time[-1]) - one.rest_end for one in misfit.noise.events.records)
     for seconds in (one for one in GROWING if one < longest):
-        descent = _descended(misfit.until(seconds), starts, led=False)
+        descent = _descend_best_start(misfit.until(seconds), starts, led=False)
         starts = [descent.values] if descent else starts
     return starts
 
 
-def without(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:
+def select_events(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:
     """All records but one; or that one alone."""
     names = [one for one in noise.events.names if (one == name) is hold]
     return noise.only(*names)

@@ -46,20 +46,30 @@ SAID, SAMPLING = 0.3, ", and what sampling leaves open of the voltage"
 
 @dataclass(frozen=True, eq=False)
 class EventNoise(Noise):
-    """`of` : record -> its noise. `told_by` : degrees of freedom of the estimate of all of it
-    (Welch and Satterthwaite);
-    `noise_told_by` : of that of the noise alone, infinite where it is stated, or so small that the
-    least that any model deserves counts. `sampled` : whether much of it is what sampling leaves
-    open.
+    """The noise of event records.
+
+    Parameters
+    ----------
+    events : Events
+        The records.
+    of : mapping
+        Record -> its noise.
+    noise_dof : float
+        Degrees of freedom of the estimate of all noise (Welch and Satterthwaite).
+    current_noise_dof : float
+        Degrees of freedom of the estimate of the current's noise alone; infinite where it is
+        declared, or below the floor that every model has.
+    sampled : bool
+        Much of the noise is the unknown voltage between the samples.
     """
 
     events: Events = field(kw_only=True)
     of: Mapping[str, RecordNoise] = field(kw_only=True)
-    told_by: float = field(kw_only=True)
-    noise_told_by: float = field(kw_only=True)
+    noise_dof: float = field(kw_only=True)
+    current_noise_dof: float = field(kw_only=True)
     sampled: bool = False
 
-    def times(self, factor: float) -> "EventNoise":
+    def scaled(self, factor: float) -> "EventNoise":
         """The same: a record tells its noise."""
         return self
 
@@ -153,7 +163,7 @@ class EventNoise(Noise):
             name: np.sqrt(2.0) * np.linalg.norm(one.current_sigma) for name, one in self.of.items()
         }
 
-    def seen_by(
+    def for_model(
         self, player: Player, values: Mapping[str, Mapping[str, float]], pulse_error: float
     ) -> "EventNoise":
         """The same with what a model makes of the voltage that is open.
@@ -190,11 +200,11 @@ class EventNoise(Noise):
                 float((noise.expected**2).sum()) - by_recorder
             )  # and by the current's own noise
             share = max(share, 1.0 - 2.0 * float((current**2).sum()) / by_voltage)
-        spread = by_noise**2 / self.noise_told_by + by_sampling**2 / SURE
-        told_by = (by_noise + by_sampling) ** 2 / spread if spread > 0 else np.inf
+        spread = by_noise**2 / self.current_noise_dof + by_sampling**2 / SURE
+        noise_dof = (by_noise + by_sampling) ** 2 / spread if spread > 0 else np.inf
         sampled = share > SAID
         source = self.source.removesuffix(SAMPLING) + SAMPLING * sampled
-        return replace(self, of=of, source=source, told_by=told_by, sampled=sampled)
+        return replace(self, of=of, source=source, noise_dof=noise_dof, sampled=sampled)
 
 
 def noise_of_estimator(
@@ -259,5 +269,5 @@ def event_noise(events: Events, sweep: Sweep) -> EventNoise:
         of[record.name] = noise_of_estimator(record, np.hypot(own, max(floor, 1e-9)))
     source = "the sigma of the records" if stated else "the current at rest before each event"
     return EventNoise(
-        sweep, True, source, events=events, of=of, told_by=freedom, noise_told_by=freedom
+        sweep, True, source, events=events, of=of, noise_dof=freedom, current_noise_dof=freedom
     )

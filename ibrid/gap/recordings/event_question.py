@@ -9,10 +9,17 @@ from functools import cached_property
 from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.gap.recordings.event_noise import event_noise
-from ibrid.gap.recordings.records import Records
-from ibrid.gap.refitting.noise import noise_of
-from ibrid.gap.refitting.prior import OTHER_TOLERANCE, Belief, Nominal, Prior, entry_of, prior_of
-from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.recordings.records import EventDataset
+from ibrid.gap.refitting.noise import estimate_noise
+from ibrid.gap.refitting.prior import (
+    OTHER_TOLERANCE,
+    Nominal,
+    NominalValue,
+    Prior,
+    prior_of,
+    read_nominal_value,
+)
+from ibrid.gap.refitting.refit import SweepFitter
 from ibrid.gap.trials.budget import Budget
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.recordings.fixed_steps import as_of_the_device, in_fixed_steps, step_of
@@ -39,7 +46,7 @@ NO_REST = (
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class EventProblem:
     """The question: the `diagram` as given with its `limits`, nominal `values`, all `events` with
     the names `held` out, and the `study` of the sweep beside them, None without one.
     """
@@ -64,7 +71,7 @@ class Asked:
         return self.events.only(*(name for name in self.events.names if name not in self.held))
 
     @cached_property
-    def in_fixed_steps(self) -> "Asked | None":
+    def in_fixed_steps(self) -> "EventProblem | None":
         """The same of records, and a sweep, as a program of fixed steps makes them; None where none
         can have made these.
         """
@@ -76,7 +83,7 @@ class Asked:
             study = replace(study, sweep=as_of_the_device(study.sweep, step))
         return replace(self, events=in_fixed_steps(self.events), study=study)
 
-    def prior(self) -> dict[str, Belief]:
+    def prior(self) -> dict[str, NominalValue]:
         """What the nominal values mean; those of limits as wide as any but the plant's.
 
         The tolerances of a port join where nothing was swept: the cost of a sweep has them.
@@ -87,16 +94,20 @@ class Asked:
         told = {name: one for name, one in self.values.items() if name in boxes}
         wiring = wire(self.diagram, self.kinds)
         table = parameter_table(wiring, "exact")
-        port = {one.name: Belief(one.typical, one.tolerance) for one in table.free if one.tolerance}
+        port = {
+            one.name: NominalValue(one.typical, one.tolerance)
+            for one in table.free
+            if one.tolerance
+        }
         rest = {
             name: one for name, one in self.values.items() if name not in told and name not in port
         }
-        limits = {name: entry_of(name, one, boxes[name]) for name, one in told.items()}
+        limits = {name: read_nominal_value(name, one, boxes[name]) for name, one in told.items()}
         return {
             **(port if self.study is None else {}),
             **prior_of(rest, wiring, table),
             **{
-                name: Belief(value, tolerance or OTHER_TOLERANCE)
+                name: NominalValue(value, tolerance or OTHER_TOLERANCE)
                 for name, (value, tolerance) in limits.items()
             },
         }
@@ -108,7 +119,7 @@ class Asked:
         budget: Budget | None = None,
         *,
         sampled: bool = True,
-    ) -> Records:
+    ) -> EventDataset:
         """The data that answer it, and what may be missing.
 
         budget : of the search. sampled : False for weights that are the same for all diagrams,
@@ -116,24 +127,26 @@ class Asked:
         """
         swept = None if self.study is None else self.study.fitted
         refitter = (
-            None if swept is None else Refitter(noise_of(swept), self.kinds, prior, self.seed)
+            None
+            if swept is None
+            else SweepFitter(estimate_noise(swept), self.kinds, prior, self.seed)
         )
         noise = event_noise(self.fitted, self.fitted.rests if swept is None else swept)
-        data = Records(
+        data = EventDataset(
             noise, self.kinds, prior, catalogue, self.seed, refitter, self.limits, budget
         )
         if sampled:
-            data.weigh_by(self.diagram, {})
+            data.estimate_sampling_noise(self.diagram, {})
         return data
 
 
-def asked(
+def build_event_problem(
     model: Diagram | Record,
     sweep: Sweep | Study | None,
     values: Nominal | None,
     events: Events,
     options: StudyOptions,
-) -> Asked:
+) -> EventProblem:
     """The question in full; IbridError for what does not belong together."""
     limits: tuple[Limit, ...] = ()
     if isinstance(model, Record):
@@ -167,10 +180,12 @@ def asked(
     require_port_alone(diagram.outside)
     require_legal(diagram, kinds, equilibrium="exact")
     require_applicable(limits, places_of(diagram, kinds) if limits else None)
-    return Asked(diagram, limits, values or {}, events, names, study, kinds, options.get("seed", 0))
+    return EventProblem(
+        diagram, limits, values or {}, events, names, study, kinds, options.get("seed", 0)
+    )
 
 
-def asked_of(diagram: Diagram, study: Study) -> Asked:
+def event_problem_of_study(diagram: Diagram, study: Study) -> EventProblem:
     """The question of a study of records alone, of a diagram without limits."""
     if study.events is None:
         raise IbridError("the study has no records of events; make one of them, Study.of(events)")
@@ -180,4 +195,4 @@ def asked_of(diagram: Diagram, study: Study) -> Asked:
         "seed": study.seed,
         "port": study.port,
     }
-    return asked(diagram, None, None, study.events, told)
+    return build_event_problem(diagram, None, None, study.events, told)

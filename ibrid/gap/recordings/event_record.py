@@ -14,8 +14,8 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.identifiability import Visibility, visible_by
 from ibrid.gap.recordings.event_fit import EventFit
 from ibrid.gap.recordings.event_noise import EventNoise
-from ibrid.gap.recordings.event_question import Asked
-from ibrid.gap.recordings.records import Records
+from ibrid.gap.recordings.event_question import EventProblem
+from ibrid.gap.recordings.records import EventDataset
 from ibrid.gap.refitting.model import Model
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
@@ -28,25 +28,25 @@ DESCRIBED = np.geomspace(1.0, 2500.0, 52)
 NULL = 1e-6
 
 
-def seen(fit: EventFit) -> Visibility:
+def assess_identifiability(fit: EventFit) -> Visibility:
     """What the records, the sweep beside them and the prior tell together, and what they cannot
     see.
     """
     misfit = fit.misfit
     return visible_by(
-        fit.slopes,
+        fit.jacobian,
         fit.x,
         misfit.coordinates,
-        misfit.beliefs.names,
+        misfit.parameter_prior.names,
         misfit.noise.source,
         tolerance=NULL,
     )
 
 
-def played(model: Model, data: Records, events: Events) -> Playback:
+def simulate_events(model: Model, data: EventDataset, events: Events) -> Playback:
     """What a model answers to every record."""
     return play(
-        EventModel(model.diagram, model.refit.values, data.beside(model), data.kinds), events
+        EventModel(model.diagram, model.refit.values, data.limits_of(model), data.kinds), events
     )
 
 
@@ -62,7 +62,7 @@ def noise_nrmse(noise: EventNoise) -> float:
     return float(np.mean([*noise.floors.values()]))
 
 
-def described(model: Model, data: Records, events: Events) -> Sweep:
+def describe_linear_model(model: Model, data: EventDataset, events: Events) -> Sweep:
     """The linear model at the rest of each record, where nothing was swept."""
     frame = np.broadcast_to(np.eye(2, dtype=complex), (len(DESCRIBED), 2, 2))
     points = [
@@ -79,22 +79,24 @@ def described(model: Model, data: Records, events: Events) -> Sweep:
     return replace(sweep, points=answers)
 
 
-def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> Record:
+def record_of(model: Model, data: EventDataset, asked: EventProblem, playback: Playback) -> Record:
     """A record that predict and export accept, its errors and intervals those of all data
     together.
     """
-    swept = asked.study or described(model, data, asked.events)
+    swept = asked.study or describe_linear_model(model, data, asked.events)
     record = record_at(
         model.diagram,
         swept,
         model.refit.values,
         **({} if asked.study else {"vocabulary": data.kinds}),
     )
-    told = seen(model.refit)
+    told = assess_identifiability(model.refit)
     variance = np.diag(told.covariance).clip(0.0, 1.0)
-    spread = dict(zip(model.refit.misfit.beliefs.names, np.sqrt(variance).tolist(), strict=True))
+    spread = dict(
+        zip(model.refit.misfit.parameter_prior.names, np.sqrt(variance).tolist(), strict=True)
+    )
     limits = []
-    for one in data.beside(model):
+    for one in data.limits_of(model):
         values = {name: model.refit.values[f"{one.id}.{name}"] for name in one.parameters}
         deviations = {name: spread.get(f"{one.id}.{name}", 0.0) for name in one.parameters}
         limits.append({**one.plain(), "parameters": values, "deviations": deviations})
@@ -120,7 +122,7 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
     )
     error = mean_error(playback, asked.held)
     floor = noise_nrmse(data.noise)
-    grade = grade_of_records(error, floor, adequate=model.adequate())
+    grade = grade_of_records(error, floor, adequate=model.is_adequate())
     if asked.study is not None:
         return replace(
             record, grade=str(max(grade, Grade(record.grade or grade), key=list(Grade).index))
@@ -133,13 +135,13 @@ def record_of(model: Model, data: Records, asked: Asked, playback: Playback) -> 
         record, nrmse=error, nrmse_by_op=fitted, grade=str(grade), noise_floor=floor, **empty
     )
     stated = all(one.sigma is not None for one in data.noise.events.records)
-    told_by = {
+    noise_dof = {
         "value": floor,
         "from": "sigma" if stated else "repeats",
     }  # samples at rest repeat one number
     misfit = {
         "chi2_per_dof": model.refit.chi2 / model.refit.dof,
-        "floor": told_by,
+        "floor": noise_dof,
         "by_entry_band": [],
     }
     return replace(
@@ -169,7 +171,7 @@ def _covariance(record: Record, fit: EventFit, told: Visibility) -> dict[str, An
     """That of the record's numbers by all data."""
     if not record.covariance:
         return {}
-    rows = [fit.misfit.beliefs.names.index(name) for name in record.covariance["names"]]
+    rows = [fit.misfit.parameter_prior.names.index(name) for name in record.covariance["names"]]
     return {
         **record.covariance,
         "matrix": told.covariance[np.ix_(rows, rows)].tolist(),

@@ -25,11 +25,16 @@ from ibrid.fit.anchor import DECADE
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.recordings.event_fit import EventFit
 from ibrid.gap.recordings.event_noise import FITTED, NOMINAL
-from ibrid.gap.recordings.event_question import NO_REST, Asked, asked, asked_of
-from ibrid.gap.recordings.event_record import played, record_of
-from ibrid.gap.recordings.records import Records
-from ibrid.gap.refitting.model import LIKELY, Model, Values
-from ibrid.gap.refitting.prior import Belief, Nominal
+from ibrid.gap.recordings.event_question import (
+    NO_REST,
+    EventProblem,
+    build_event_problem,
+    event_problem_of_study,
+)
+from ibrid.gap.recordings.event_record import record_of, simulate_events
+from ibrid.gap.recordings.records import EventDataset
+from ibrid.gap.refitting.model import CHI2_95_PERCENT, Model, Values
+from ibrid.gap.refitting.prior import Nominal, NominalValue
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.recordings.events import Events
@@ -93,7 +98,9 @@ def evaluate_events(
     IbridError : an illegal diagram, names that do not exist, or a model without a rest at the
     records' p, q and v.
     """
-    return weighed_by_events(asked(model, sweep, values, events, options), settings, tell=tell)[0]
+    return fit_and_score(
+        build_event_problem(model, sweep, values, events, options), settings, tell=tell
+    )[0]
 
 
 def evaluate_records(
@@ -104,8 +111,10 @@ def evaluate_records(
     warm : values of another fit at some rest, from which it begins.
     """
     try:
-        return weighed_by_events(
-            asked_of(diagram, study), settings, next(iter((warm or {}).values()), None)
+        return fit_and_score(
+            event_problem_of_study(diagram, study),
+            settings,
+            next(iter((warm or {}).values()), None),
         )[0]
     except IbridError as error:
         if (
@@ -121,8 +130,8 @@ def evaluate_records(
         )
 
 
-def weighed_by_events(
-    question: Asked,
+def fit_and_score(
+    question: EventProblem,
     settings: FitSettings | None = None,
     warm: Values | None = None,
     tell: Tell = lambda *_: None,
@@ -144,56 +153,62 @@ def weighed_by_events(
         )
     data, effort = question.records({}), settings or FitSettings()
     nominal = {name: belief.nominal for name, belief in question.prior().items()}
-    held = near_typical(question, nominal)
+    held = limit_to_decade(question, nominal)
     twins: list[Values] = []
     tell("where small departures lead", 0.0)
     if question.study is None:
-        fits = _explaining(question, held, nominal, effort, warm, tell)
+        fits = _fit_until_explained(question, held, nominal, effort, warm, tell)
     else:
         begun = evaluate(question.diagram, question.study, settings=effort)
         twins = [{**nominal, **twin} for twin in begun.twins]
         tell(f"the records, from {len(twins) + 1} answers of the sweep", 0.2)
-        fits = _fitted(
+        fits = _fit_starts(
             [{**nominal, **next(iter(begun.parameters.values()), {})}, *twins], question, held
         )
     if not fits:
         raise IbridError(NO_REST)
     tell("the solver of record, intervals and errors", 0.8)
     least = min(fit.cost for fit in fits)
-    best = next(fit for fit in fits if fit.cost - least < LIKELY)
-    best = _weighed_by_itself(best, question, data, held)
-    if question.study is None and not best.adequate():
+    best = next(fit for fit in fits if fit.cost - least < CHI2_95_PERCENT)
+    best = _refit_with_own_noise(best, question, data, held)
+    if question.study is None and not best.is_adequate():
         best = min(
-            (best, *_explaining(question, held, nominal, effort, warm, tell)),
+            (best, *_fit_until_explained(question, held, nominal, effort, warm, tell)),
             key=lambda fit: fit.cost,
         )
-    best = data.fitter.settled(data.fitter.at(best.diagram, best.limits, best.x))
+    best = data.fitter.polish(data.fitter.at(best.diagram, best.limits, best.x))
     model = Model(question.diagram, Convention(), best)
-    record = record_of(model, data, question, played(model, data, question.events))
+    record = record_of(model, data, question, simulate_events(model, data, question.events))
     if twins:
         others = [
             *fits,
             *(
-                data.fitter.at_values(best.diagram, best.limits, {**best.values, **twin})
+                data.fitter.evaluate_values(best.diagram, best.limits, {**best.values, **twin})
                 for twin in twins
             ),
         ]
-        record = _told_apart(record, best, others)
+        record = _exclude_twins(record, best, others)
     return replace(
         record, seconds=time.perf_counter() - started
     ), model.bic() + data.noise.logarithm
 
 
-def _weighed_by_itself(fit: EventFit, question: Asked, data: Records, held: Records) -> EventFit:
+def _refit_with_own_noise(
+    fit: EventFit, question: EventProblem, data: EventDataset, held: EventDataset
+) -> EventFit:
     """A fit gone on with, where the records are weighed by what it makes of the voltage between
     their samples: that of typical values may leave so much open that a fit ends early.
     """
     for weighed in (held, data):
-        weighed.weigh_by(fit.diagram, fit.values, FITTED if fit.adequate() else NOMINAL)
-    return min(_fitted([fit.values], question, held), key=lambda one: one.cost, default=fit)
+        weighed.estimate_sampling_noise(
+            fit.diagram, fit.values, FITTED if fit.is_adequate() else NOMINAL
+        )
+    return min(_fit_starts([fit.values], question, held), key=lambda one: one.cost, default=fit)
 
 
-def near_typical(question: Asked, nominal: Values, *, sampled: bool = True) -> Records:
+def limit_to_decade(
+    question: EventProblem, nominal: Values, *, sampled: bool = True
+) -> EventDataset:
     """The data where positive values lie within a decade of nominal or typical ones: so says what
     they leave open, and only
     that. sampled : as of `Asked.records`.
@@ -205,17 +220,17 @@ def near_typical(question: Asked, nominal: Values, *, sampled: bool = True) -> R
         .numbers
     )
     prior = {
-        one.name: Belief(nominal.get(one.name, one.typical), DECADE)
+        one.name: NominalValue(nominal.get(one.name, one.typical), DECADE)
         for one in free
         if one.logarithmic
     }
     return question.records(prior, sampled=sampled)
 
 
-def _fitted(
+def _fit_starts(
     starts: Sequence[Values],
-    question: Asked,
-    data: Records,
+    question: EventProblem,
+    data: EventDataset,
     least: float = np.inf,
     *,
     led: bool = False,
@@ -229,7 +244,7 @@ def _fitted(
     for start in starts:
         fit = data.fitter.fit(question.diagram, question.limits, [start], led=led, growing=growing)
         for _ in range(rounds):
-            if fit is None or fit.cost > least or fit.adequate():
+            if fit is None or fit.cost > least or fit.is_adequate():
                 break
             again = data.fitter.fit(question.diagram, question.limits, [fit.values], led=False)
             if again is None or again.cost > GAIN * fit.cost:
@@ -239,9 +254,9 @@ def _fitted(
     return fits
 
 
-def _explaining(
-    question: Asked,
-    data: Records,
+def _fit_until_explained(
+    question: EventProblem,
+    data: EventDataset,
     nominal: Values,
     effort: FitSettings,
     warm: Values | None,
@@ -251,30 +266,32 @@ def _explaining(
     these, until one explains the records, `effort.descents` at most.
     """
     misfit = data.fitter.misfit(question.diagram, question.limits)
-    small = small_departures(question, nominal, effort)
+    small = fit_transformed_records(question, nominal, effort)
     rounds = ROUNDS if effort.restarts else 0
     near = (
         []
         if warm is None
-        else [one.go(*NEAR) for one in misfit.coarse.best_of([warm, *small], NEAREST)]
+        else [one.run(*NEAR) for one in misfit.coarse.start_descents_from([warm, *small], NEAREST)]
     )
     first = sorted(near, key=lambda one: one.cost)[:1]
-    fits = _fitted([one.values for one in first], question, data, rounds=rounds)
-    if _explained(fits) or (fits and not effort.restarts):
+    fits = _fit_starts([one.values for one in first], question, data, rounds=rounds)
+    if _is_any_adequate(fits) or (fits and not effort.restarts):
         return fits
     known = [nominal] * (bool(question.values) or not small)
     starts = [(start, led) for led in (False, True) for start in (*known, *small)]
     most = min(effort.restarts + 1, effort.descents)
     for place, (start, led) in enumerate(starts[:most]):
-        if _explained(fits):
+        if _is_any_adequate(fits):
             break
         tell(f"descent {place + 1} of {most} at most", 0.1 + 0.7 * place / most)
         least = min((fit.cost for fit in fits), default=np.inf)
-        fits += _fitted([start], question, data, least, led=led, growing=not led, rounds=rounds)
+        fits += _fit_starts([start], question, data, least, led=led, growing=not led, rounds=rounds)
     return fits
 
 
-def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> list[Values]:
+def fit_transformed_records(
+    question: EventProblem, nominal: Values, effort: FitSettings
+) -> list[Values]:
     """Where a fit to the records as a sweep leads, and its twins; none where it has no answer.
 
     Records whose set points move are left out, since their current answers to more than the
@@ -293,11 +310,11 @@ def small_departures(question: Asked, nominal: Values, effort: FitSettings) -> l
     return [] if found is None else [{**nominal, **found, **twin} for twin in ({}, *record.twins)]
 
 
-def _explained(fits: Sequence[EventFit]) -> bool:
-    return any(fit.adequate() for fit in fits)
+def _is_any_adequate(fits: Sequence[EventFit]) -> bool:
+    return any(fit.is_adequate() for fit in fits)
 
 
-def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> Record:
+def _exclude_twins(record: Record, best: EventFit, others: Sequence[EventFit]) -> Record:
     """The record with the twins of the sweep that the records leave, and in words those that they
     exclude.
 
@@ -306,19 +323,19 @@ def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> R
     visible = [
         name for name, span in next(iter(record.intervals.values())).items() if span is not None
     ]
-    apart = [fit for fit in others if _moved(fit, best, visible)]
+    apart = [fit for fit in others if _list_differences(fit, best, visible)]
     left = [fit for fit in apart if fit.chi2 - best.chi2 < APART]
     twins = [
         fit
         for place, fit in enumerate(left)
-        if all(_moved(fit, before, visible) for before in left[:place])
+        if all(_list_differences(fit, before, visible) for before in left[:place])
     ]
+    excluded = [fit for fit in apart if not twins and np.isfinite(fit.chi2)]
     sentences = [
-        f"a twin that the sweep does not exclude, {_shown(_moved(fit, best, visible))}, is "
-        "excluded by the records "
+        "a twin that the sweep does not exclude, "
+        f"{_shorten_list(_list_differences(fit, best, visible))}, is excluded by the records "
         f"(chi2 higher by {fit.chi2 - best.chi2:.3g})"
-        for fit in apart
-        if not twins and np.isfinite(fit.chi2)
+        for fit in excluded
     ]
     return replace(
         record,
@@ -330,7 +347,7 @@ def _told_apart(record: Record, best: EventFit, others: Sequence[EventFit]) -> R
     )
 
 
-def _moved(fit: EventFit, best: EventFit, visible: Sequence[str]) -> list[str]:
+def _list_differences(fit: EventFit, best: EventFit, visible: Sequence[str]) -> list[str]:
     """What has another value, of what the data see."""
     return [
         f"{name} {fit.values[name]:.4g} instead of {best.values[name]:.4g}"
@@ -339,5 +356,5 @@ def _moved(fit: EventFit, best: EventFit, visible: Sequence[str]) -> list[str]:
     ]
 
 
-def _shown(moved: Sequence[str]) -> str:
+def _shorten_list(moved: Sequence[str]) -> str:
     return ", ".join(moved[:3]) + (f", {len(moved) - 3} more" if len(moved) > 3 else "")

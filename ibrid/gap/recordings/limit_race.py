@@ -15,9 +15,9 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.gap.recordings.event_fit import WORTH, EventFit, EventFitter
-from ibrid.gap.recordings.event_misfit import PLAIN, Descending, EventMisfit
+from ibrid.gap.recordings.event_misfit import SIMULATION_EFFORT, EventDescent, EventMisfit
 from ibrid.gap.recordings.event_places import LimitPlace
-from ibrid.gap.recordings.release import by_holds, by_moments, by_until
+from ibrid.gap.recordings.release import holds_from_moments, moments_from_hold, with_release_moments
 from ibrid.gap.refitting.model import Values
 from ibrid.playback.limits import UNTIL, Limit
 
@@ -42,7 +42,7 @@ BESIDE, BRIEFLY = (2, 3), (1, 2)
 
 
 @dataclass(frozen=True, eq=False)
-class Form:
+class LimitCandidate:
     """A form as it is followed: `misfit`, and the `starts` of its own numbers; `place` and all
     `limits` of the model with it.
 
@@ -54,40 +54,40 @@ class Form:
     misfit: EventMisfit
     starts: tuple[Values, ...]
 
-    def begun(
+    def start_descent(
         self, origins: Sequence[Values], number: int, *, whole: bool = False
-    ) -> list[Descending]:
+    ) -> list[EventDescent]:
         """The best starts about values of the other parameters, by predictions or on `whole`
         records.
         """
-        misfit, starts = self.misfit if whole else self.misfit.predicting.coarse, self.starts
+        misfit, starts = self.misfit if whole else self.misfit.prediction.coarse, self.starts
         values = [{**origin, **start} for start in starts for origin in origins]
         if len(starts) > MANY:  # the last number of the form is tried where the others lead
             last = f"{self.place.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
             levels = sorted({one[last] for one in starts})
-            near = misfit.best_of(
+            near = misfit.start_descents_from(
                 [one for one in values if one[last] == levels[len(levels) // 2]], NEAR
             )
             values = [{**one.values, last: level} for one in near for level in levels]
-        return misfit.best_of(values, number)
+        return misfit.start_descents_from(values, number)
 
     def fitted(self, fitter: EventFitter, x: np.ndarray) -> EventFit | None:
         """The model with this form; None where no record shows a hold."""
         if UNTIL not in self.misfit.limits:
             return fitter.at(self.place.diagram, self.limits, x)
         held = fitter.misfit(self.place.diagram, self.limits)
-        for one in held.best_of(by_holds(self.misfit, x), 1):
+        for one in held.start_descents_from(holds_from_moments(self.misfit, x), 1):
             return fitter.at(
-                self.place.diagram, self.limits, (one if one.is_far else one.go(*BESIDE)).x
+                self.place.diagram, self.limits, (one if one.is_far else one.run(*BESIDE)).x
             )
         return None
 
 
 #: A form, and how far it has come.
-Runner = tuple[Form, Descending]
+Entrant = tuple[LimitCandidate, EventDescent]
 
 
-def race(
+def screen_limits(
     fitter: EventFitter,
     places: Sequence[LimitPlace],
     beside: Callable[[LimitPlace], tuple[Limit, ...]],
@@ -100,44 +100,50 @@ def race(
     beside : all limits of a model with a form. origins : values of the other parameters. led :
     False where a model explains the records already, and no form is followed far.
     """
-    forms = [form for place in places if (form := _form(fitter, place, beside(place))) is not None]
-    lacking = _predicted(fitter, places, beside, origins)
-    runners = _runners(forms, origins) if led else []
-    front = _run_heats(runners, lacking)
+    forms = [
+        form
+        for place in places
+        if (form := _build_candidate(fitter, place, beside(place))) is not None
+    ]
+    lacking = _cost_without_limit(fitter, places, beside, origins)
+    runners = _enter_candidates(forms, origins) if led else []
+    front = _run_prediction_rungs(runners, lacking)
     if led and not front:  # no limit is what is missing
-        return _fitted(fitter, places, runners)
-    least = _best_of_each(runners)
+        return _fit_entrants(fitter, places, runners)
+    least = _best_entrants(runners)
     hopeless = {place for place, one in least.items() if one[1].cost > HOPELESS * front[0][1].cost}
-    whole = ahead([(form, form.misfit.begun(one.x)) for form, one in front], len(front))
+    whole = rank_entrants(
+        [(form, form.misfit.start_descent(one.x)) for form, one in front], len(front)
+    )
     worth = [
         (form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost
     ]  # all before any is descended
     for _, descent in worth:
-        if descent.go(*PLAIN).explains:
+        if descent.run(*SIMULATION_EFFORT).explains:
             break
-    ended = ahead(worth, 1)
+    ended = rank_entrants(worth, 1)
     for _, descent in ended:
-        descent.to_its_end()
+        descent.restart_while_improving()
     others = [one.values for _, one in ended] or origins
     explained = any(one.explains for _, one in ended)
     for form in forms:
         if all(form is not other for other, _ in ended):
-            begun = form.begun(others, 1)
-            led_to = [form.misfit.begun(one.x) for one in begun]
-            starts = [one for one in led_to if np.isfinite(one.cost)] or form.begun(
+            begun = form.start_descent(others, 1)
+            led_to = [form.misfit.start_descent(one.x) for one in begun]
+            starts = [one for one in led_to if np.isfinite(one.cost)] or form.start_descent(
                 others, 1, whole=True
             )
             effort = BRIEFLY if not led or form.place in hopeless else BESIDE
             never_acts = all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)
             idle = not led and np.isfinite(lacking) and never_acts
             whole += [
-                (form, one if idle or (explained and one.is_far) else one.go(*effort))
+                (form, one if idle or (explained and one.is_far) else one.run(*effort))
                 for one in starts
             ]
-    return _fitted(fitter, places, whole)
+    return _fit_entrants(fitter, places, whole)
 
 
-def led_again(
+def refit_by_predictions(
     fit: EventFit, fitter: EventFitter, loose: EventFitter, rest: Iterable[str]
 ) -> EventFit:
     """The fit of a form, led once more by the weights of another fitter, from where it is and from
@@ -153,30 +159,30 @@ def led_again(
     return fit if again is None or again.cost >= fit.cost else again
 
 
-def _runners(forms: Sequence[Form], origins: Sequence[Values]) -> list[Runner]:
+def _enter_candidates(forms: Sequence[LimitCandidate], origins: Sequence[Values]) -> list[Entrant]:
     """All forms set out from all origins."""
     return [
         (form, one)
         for form in forms
         for place, origin in enumerate(origins)
-        for one in form.begun([origin], FOLLOWED[min(place, 1)])
+        for one in form.start_descent([origin], FOLLOWED[min(place, 1)])
     ]
 
 
-def _run_heats(runners: list[Runner], lacking: float) -> list[Runner]:
+def _run_prediction_rungs(runners: list[Entrant], lacking: float) -> list[Entrant]:
     """Run all heats and return those in front; none where no limit predicts clearly better than the
     model without one.
 
     lacking : cost of predictions without a limit.
     """
     for heat, most in zip((FIRST_HEAT, HEATS[0]), MISSING, strict=True):
-        runners = in_front(runners, [heat])
+        runners = run_rungs(runners, [heat])
         if not runners or runners[0][1].cost > most * lacking:
             return []
-    return in_front(runners, HEATS[1:])
+    return run_rungs(runners, HEATS[1:])
 
 
-def _predicted(
+def _cost_without_limit(
     fitter: EventFitter,
     places: Sequence[LimitPlace],
     beside: Callable[[LimitPlace], tuple[Limit, ...]],
@@ -187,54 +193,58 @@ def _predicted(
     if added is None:
         return np.inf
     lacking = tuple(one for one in beside(added) if one is not added.limit)
-    misfit = fitter.misfit(added.diagram, lacking).predicting.coarse
-    return min((one.cost for one in misfit.best_of(origins, 1)), default=np.inf)
+    misfit = fitter.misfit(added.diagram, lacking).prediction.coarse
+    return min((one.cost for one in misfit.start_descents_from(origins, 1)), default=np.inf)
 
 
-def _fitted(
-    fitter: EventFitter, places: Sequence[LimitPlace], runners: Sequence[Runner]
+def _fit_entrants(
+    fitter: EventFitter, places: Sequence[LimitPlace], runners: Sequence[Entrant]
 ) -> list[EventFit | None]:
     """The fit of each form where the best of those that ran for it is, on whole records."""
-    best = _best_of_each(runners)
+    best = _best_entrants(runners)
     return [
         None if (pair := best.get(one)) is None else pair[0].fitted(fitter, pair[1].x)
         for one in places
     ]
 
 
-def _best_of_each(runners: Sequence[Runner]) -> dict[LimitPlace, Runner]:
+def _best_entrants(runners: Sequence[Entrant]) -> dict[LimitPlace, Entrant]:
     """Place -> the best of those that ran for it."""
-    return {form.place: (form, one) for form, one in reversed(ahead(runners, len(runners)))}
+    return {form.place: (form, one) for form, one in reversed(rank_entrants(runners, len(runners)))}
 
 
-def in_front(
-    runners: list[tuple[What, Descending]], heats: Iterable[tuple[int, int, int]] = HEATS
-) -> list[tuple[What, Descending]]:
+def run_rungs(
+    runners: list[tuple[What, EventDescent]], heats: Iterable[tuple[int, int, int]] = HEATS
+) -> list[tuple[What, EventDescent]]:
     """Those in front after all heats, the first one first."""
     for rounds, steps, number in heats:
         for _, one in runners:
-            one.go(rounds, steps)
-        runners = ahead(runners, number)
+            one.run(rounds, steps)
+        runners = rank_entrants(runners, number)
     return runners
 
 
-def _form(fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]) -> Form | None:
+def _build_candidate(
+    fitter: EventFitter, place: LimitPlace, limits: tuple[Limit, ...]
+) -> LimitCandidate | None:
     try:
         if place.change != "add" or place.limit.id != UNTIL.id:
-            return Form(place, limits, fitter.misfit(place.diagram, limits), place.starts)
+            return LimitCandidate(place, limits, fitter.misfit(place.diagram, limits), place.starts)
         events = fitter.noise.events
-        misfit = fitter.misfit(place.diagram, by_until(limits))
-        return Form(
+        misfit = fitter.misfit(place.diagram, with_release_moments(limits))
+        return LimitCandidate(
             place,
             limits,
             misfit,
-            tuple(moved for one in place.starts for moved in by_moments(one, events)),
+            tuple(moved for one in place.starts for moved in moments_from_hold(one, events)),
         )
     except IbridError:
         return None
 
 
-def ahead(runners: Iterable[tuple[What, Descending]], number: int) -> list[tuple[What, Descending]]:
+def rank_entrants(
+    runners: Iterable[tuple[What, EventDescent]], number: int
+) -> list[tuple[What, EventDescent]]:
     """Those in front, by the cost of where they are; what has no answer is out."""
     return sorted(
         (pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from ibrid.gap.recordings.event_fit import EventFitter
-from ibrid.gap.recordings.limit_race import led_again, race
-from ibrid.gap.recordings.weighed import HALF, RIVAL, EditKey, Tried, Weighed, edit_key
+from ibrid.gap.recordings.limit_race import refit_by_predictions, screen_limits
+from ibrid.gap.recordings.weighed import HALF, RIVAL, EditKey, EventEvaluation, TriedEdits, edit_key
 from ibrid.gap.refitting.model import Model, Values
 
 #: Kinds of limits whose first in a race is led once more.
@@ -18,9 +18,9 @@ LED_ON = 3
 class LimitTrials:
     """Trials on records of one weight. `loose` : by what nominal values leave open."""
 
-    def __init__(self, weighed: Weighed, loose: EventFitter) -> None:
+    def __init__(self, weighed: EventEvaluation, loose: EventFitter) -> None:
         self.weighed, self.loose = weighed, loose
-        self._tried = Tried()
+        self._tried = TriedEdits()
 
     def of(self, model: Model) -> dict[EditKey, Model]:
         """The model with, or without, each limit."""
@@ -28,28 +28,28 @@ class LimitTrials:
             return known
         led = self.weighed.is_doubtful(model)
         origins = self._origins(model) if led else [model.refit.values]
-        raced = self.raced(model, origins, led=led)
-        raced |= self._led_on(model, raced)
+        screened = self.screen_from(model, origins, led=led)
+        screened |= self._refit_leading(model, screened)
         for edit, one in (
             self._tried.of_same_edits(model) or {}
         ).items():  # of a model that has a better fit since
-            raced[edit] = min(raced.get(edit, one), one, key=lambda each: each.refit.cost)
-        return self._tried.keep(model, raced)
+            screened[edit] = min(screened.get(edit, one), one, key=lambda each: each.refit.cost)
+        return self._tried.store(model, screened)
 
-    def raced(
+    def screen_from(
         self, model: Model, origins: list[Values], *, led: bool = True
     ) -> dict[EditKey, Model]:
         """As a race leaves them that begins at values of the rest of the model."""
         weighed, places = self.weighed, self.weighed.limit_places(model)
-        fits = race(
+        fits = screen_limits(
             weighed.fitter,
             places,
-            lambda one: weighed.beside(weighed.changed(model, one)),
+            lambda one: weighed.limits_of(weighed.with_edit(model, one)),
             origins,
             led=led,
         )
         return {
-            edit_key(place): replace(weighed.changed(model, place), refit=fit)
+            edit_key(place): replace(weighed.with_edit(model, place), refit=fit)
             for place, fit in zip(places, fits, strict=True)
             if fit is not None
         }
@@ -58,16 +58,16 @@ class LimitTrials:
         """What the sweep says where it is explained, what the model has, and where predictions lead
         it.
         """
-        small = None if model.adequate() else self.weighed.by_sweep(model.diagram)
-        first: Values = {} if small is None or not small.adequate() else small.values
-        return [first, model.refit.values, self.weighed.led(model)]
+        small = None if model.is_adequate() else self.weighed.sweep_fit(model.diagram)
+        first: Values = {} if small is None or not small.is_adequate() else small.values
+        return [first, model.refit.values, self.weighed.predicted_values(model)]
 
-    def _led_on(self, model: Model, raced: dict[EditKey, Model]) -> dict[EditKey, Model]:
+    def _refit_leading(self, model: Model, screened: dict[EditKey, Model]) -> dict[EditKey, Model]:
         """The first of each kind of limit in a race led once more, where they are near each other,
         take much of what the model leaves and do not explain all.
         """
         firsts: dict[str, tuple[EditKey, Model]] = {}
-        for edit, one in sorted(raced.items(), key=lambda pair: pair[1].refit.cost):
+        for edit, one in sorted(screened.items(), key=lambda pair: pair[1].refit.cost):
             firsts.setdefault(edit[0], (edit, one))
         least = min((one.refit.cost for _, one in firsts.values()), default=np.inf)
         most = min(RIVAL * least, HALF * model.refit.cost)
@@ -76,6 +76,8 @@ class LimitTrials:
             return {}
         fitter = self.weighed.fitter
         return {
-            edit: replace(one, refit=led_again(one.refit, fitter, self.loose, model.refit.values))
+            edit: replace(
+                one, refit=refit_by_predictions(one.refit, fitter, self.loose, model.refit.values)
+            )
             for edit, one in near
         }

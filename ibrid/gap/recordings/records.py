@@ -1,5 +1,5 @@
-"""Records of events, alone or beside a sweep, as a kind of `Data`: an edit is of the program, or a
-limit beside it.
+"""Event records, alone or with a sweep, as a dataset: an edit changes the program, or adds or
+removes a limit.
 """
 
 from collections.abc import Sequence
@@ -9,18 +9,18 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.gap.recordings.edit_trials import EditTrials
-from ibrid.gap.recordings.event_fit import EventFit, EventFitter, without
+from ibrid.gap.recordings.event_fit import EventFit, EventFitter, select_events
 from ibrid.gap.recordings.event_noise import FITTED, NOMINAL, EventNoise
 from ibrid.gap.recordings.event_places import LimitPlace
 from ibrid.gap.recordings.limit_trials import LimitTrials
-from ibrid.gap.recordings.weighed import HALF, Weighed, edit_key
-from ibrid.gap.refitting.held_out import HeldOut
-from ibrid.gap.refitting.kept import Kept
+from ibrid.gap.recordings.weighed import HALF, EventEvaluation, edit_key
+from ibrid.gap.refitting.held_out import ValidationErrors
+from ibrid.gap.refitting.kept import DiagramCache
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.gap.refitting.prior import Prior
-from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.refitting.refit import SweepFitter
 from ibrid.gap.trials.budget import Budget
-from ibrid.gap.trials.data import Data
+from ibrid.gap.trials.data import Dataset
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.catalogue import insertions
@@ -40,7 +40,7 @@ IN_FIXED_STEPS = (
 FEWEST = 3
 
 
-class Records(Data):
+class EventDataset(Dataset):
     """Records and perhaps a small-signal sweep, weighed by a noise. Their rest says p, q, v: no
     convention is asked of them. No transfer at a port stands for a limit.
 
@@ -56,7 +56,7 @@ class Records(Data):
         prior: Prior,
         catalogue: Sequence[Effect],
         seed: int,
-        refitter: Refitter | None,
+        refitter: SweepFitter | None,
         limits: Sequence[Limit] = (),
         budget: Budget | None = None,
     ) -> None:
@@ -69,90 +69,98 @@ class Records(Data):
         )
         self._roughly: tuple[EventFitter, Model] | None = None
         fitter = EventFitter(noise, kinds, prior, refitter)
-        self._weighed = Weighed(fitter, kinds, self.catalogue, self.limits, Kept())
+        self._weighed = EventEvaluation(fitter, kinds, self.catalogue, self.limits, DiagramCache())
         self._loose = fitter  # by what nominal values leave open
-        self.reweigh(fitter)
+        self.use_noise_of(fitter)
 
-    def reweigh(self, fitter: EventFitter) -> None:
+    def use_noise_of(self, fitter: EventFitter) -> None:
         """Weigh what follows by a fitter's noise."""
         self.noise, self.fitter = fitter.noise, fitter
-        self._weighed = self._weighed.by(fitter)
+        self._weighed = self._weighed.with_fitter(fitter)
         self._limits, self._edits = (
             LimitTrials(self._weighed, self._loose),
             EditTrials(self._weighed),
         )
 
-    def beside(self, model: Model) -> tuple[Limit, ...]:
+    def limits_of(self, model: Model) -> tuple[Limit, ...]:
         """The limits of a model: those of the given one, and what its edits did to them."""
-        return self._weighed.beside(model)
+        return self._weighed.limits_of(model)
 
-    def _given(self, diagram: Diagram) -> Model | None:
+    def _fit_given(self, diagram: Diagram) -> Model | None:
         """The given model from its nominal values and draws about them; beside a sweep from what
         that alone says, too.
 
         A sweep that it explains tells better than nominal values what it makes of the voltage
         between samples.
         """
-        small = self._weighed.by_sweep(diagram)
-        if small is not None and small.adequate():
-            self.weigh_by(diagram, small.values)
+        small = self._weighed.sweep_fit(diagram)
+        if small is not None and small.is_adequate():
+            self.estimate_sampling_noise(diagram, small.values)
         try:
             misfit = self.fitter.misfit(diagram, self.limits)
         except IbridError:
             return None
-        middle = misfit.beliefs.start({})
-        width = np.minimum(misfit.beliefs.width(middle), 0.7)
+        middle = misfit.parameter_prior.start({})
+        width = np.minimum(misfit.parameter_prior.width(middle), 0.7)
         drawn = middle + 0.5 * width * self.rng.standard_normal((DRAWS, len(middle)))
         starts: list[Values] = [{}, *(misfit.values(one) for one in np.clip(drawn, *misfit.box))]
         fit = self.fitter.fit(
             diagram, self.limits, starts if small is None else [*starts, small.values]
         )
-        if fit is None or not fit.adequate():
+        if fit is None or not fit.is_adequate():
             return None if fit is None else Model(diagram, Convention(), fit)
         self._roughly = self.fitter, Model(diagram, Convention(), fit)
-        self.weigh_by(diagram, fit.values, FITTED)
+        self.estimate_sampling_noise(diagram, fit.values, FITTED)
         return Model(
             diagram,
             Convention(),
             self.fitter.fit(diagram, self.limits, [fit.values], led=False) or fit,
         )
 
-    def roughly(self) -> Model | None:
+    def fall_back_to_nominal_noise(self) -> Model | None:
         """The given model where it explains the records as far as nominal values tell what sampling
         leaves open; they are weighed by that again. None where it does not.
         """
         if self._roughly is None:
             return None
         fitter, model = self._roughly
-        self.reweigh(fitter)
+        self.use_noise_of(fitter)
         return model
 
-    def weigh_by(self, diagram: Diagram, values: Values, pulse_error: float = NOMINAL) -> None:
+    def estimate_sampling_noise(
+        self, diagram: Diagram, values: Values, pulse_error: float = NOMINAL
+    ) -> None:
         """Weigh the records by what a model makes of the voltage between their samples."""
-        fitter = self.fitter.of(self.fitter.noise_seen(diagram, self.limits, values, pulse_error))
+        fitter = self.fitter.of(
+            self.fitter.noise_for_model(diagram, self.limits, values, pulse_error)
+        )
         self._loose = fitter if pulse_error == NOMINAL else self._loose
-        self.reweigh(fitter)
+        self.use_noise_of(fitter)
 
-    def doubts(self, best: Model) -> bool:
+    def is_refuted_by_own_noise(self, best: Model) -> bool:
         """Whether an answer does not explain the records as far as it tells itself what sampling
         leaves open; they are weighed by that from now on. Nominal values may make so much of the
         voltage between samples that nearly any answer is within it.
         """
         if not self.noise.sampled:
             return False
-        before, limits = self.fitter, self.beside(best)
-        self.reweigh(before.of(before.noise_seen(best.diagram, limits, best.refit.values, FITTED)))
+        before, limits = self.fitter, self.limits_of(best)
+        self.use_noise_of(
+            before.of(before.noise_for_model(best.diagram, limits, best.refit.values, FITTED))
+        )
         fit = self.fitter.fit(best.diagram, limits, [best.refit.values], led=False)
-        if fit is None or fit.adequate():
-            self.reweigh(before)
+        if fit is None or fit.is_adequate():
+            self.use_noise_of(before)
             return False
         return True
 
-    def as_weighed(self, model: Model) -> Model:
+    def reevaluate(self, model: Model) -> Model:
         """A model as it is, by the weights of now."""
         return replace(
             model,
-            refit=self.fitter.at_values(model.diagram, self.beside(model), model.refit.values),
+            refit=self.fitter.evaluate_values(
+                model.diagram, self.limits_of(model), model.refit.values
+            ),
         )
 
     def rivals(self, given: Model, best: Model) -> list[Model]:
@@ -162,32 +170,32 @@ class Records(Data):
         What explains nearly all has unbent the rest, so that a glance ranks what is right among the
         first.
         """
-        given, values = self.as_weighed(given), best.refit.values
+        given, values = self.reevaluate(given), best.refit.values
         edits = insertions(given.diagram, self.kinds, self.catalogue)
-        raced = self._limits.raced(given, [values])
-        models = [*raced.values(), *self._edits.begun_at(given, edits, values)]
+        screened = self._limits.screen_from(given, [values])
+        models = [*screened.values(), *self._edits.fit_from(given, edits, values)]
         return sorted(models, key=lambda one: one.bic())
 
-    def _refitted(
+    def _refit_model(
         self, model: Model, starts: Sequence[Values], *, draws: int, spread: float
     ) -> Model | None:
         """A model fitted from starts."""
-        fit = self.fitter.fit(model.diagram, self.beside(model), starts)
+        fit = self.fitter.fit(model.diagram, self.limits_of(model), starts)
         return None if fit is None else replace(model, refit=fit)
 
-    def _again(self, model: Model, starts: Sequence[Values]) -> Model:
+    def _refit_from(self, model: Model, starts: Sequence[Values]) -> Model:
         """A model fitted from further starts; the better of both."""
-        fit = self.fitter.fit(model.diagram, self.beside(model), starts, led=False)
+        fit = self.fitter.fit(model.diagram, self.limits_of(model), starts, led=False)
         return model if fit is None or fit.cost >= model.refit.cost else replace(model, refit=fit)
 
-    def begun_from_beliefs(self, model: Model) -> Model:
+    def refit_from_prior(self, model: Model) -> Model:
         """A repaired model begun once more from what is believed, and from what was found of the
         rest: along what records hardly see, such as a scale of filter and controller, a descent
         from elsewhere stops anywhere.
         """
         prior, values = self.fitter.prior, model.refit.values
         rest = {name: value for name, value in values.items() if name not in prior}
-        return self.again(model, [rest]) if prior else model
+        return self.refit_from(model, [rest]) if prior else model
 
     def insertions(self, model: Model) -> tuple[Insertion, ...]:
         """Limits; and all edits of the program where neither the model nor one limit alone explains
@@ -196,37 +204,37 @@ class Records(Data):
         """
         weighed = self._weighed
         limits = weighed.limit_places(model)
-        if model.adequate() and not weighed.may_pay(model):
+        if model.is_adequate() and not weighed.may_pay(model):
             return tuple(one for one in limits if one.change != "add")
         if not weighed.is_doubtful(model):
             return limits
         edits = insertions(model.diagram, self.kinds, self.catalogue)
-        if weighed.is_refuted_by_sweep(model) and self._one_explains(model, self._edits):
+        if weighed.is_refuted_by_sweep(model) and self._has_explaining_edit(model, self._edits):
             return tuple(edits)
-        if self._one_explains(model, self._limits):
+        if self._has_explaining_edit(model, self._limits):
             return limits
         return (*limits, *edits)
 
-    def _one_explains(self, model: Model, trials: LimitTrials | EditTrials) -> bool:
+    def _has_explaining_edit(self, model: Model, trials: LimitTrials | EditTrials) -> bool:
         """Whether one edit alone explains what a model leaves."""
         return any(self._weighed.explains(model, one) for one in trials.of(model).values())
 
-    def would_try(self, model: Model, edit: Insertion | Convention) -> bool:
+    def would_try_edit(self, model: Model, edit: Insertion | Convention) -> bool:
         """Edits of the program are for records that nothing else explains: small numbers then stand
         for errors of simulation.
         """
         return isinstance(edit, LimitPlace) or self._weighed.is_doubtful(model)
 
-    def pays(self, before: Model, after: Model) -> bool:
+    def accepts_edit(self, before: Model, after: Model) -> bool:
         """Beside a model that the records allow as far as sampling tells, an edit of the program
         pays that takes nearly all of what it leaves: what is right does, and what takes a part is
         bent to errors of the voltage.
         """
-        allowed = self.noise.sampled and before.adequate()
+        allowed = self.noise.sampled and before.is_adequate()
         of_program = bool(after.edits) and not isinstance(after.edits[-1], LimitPlace)
         return not (allowed and of_program) or self._weighed.explains(before, after)
 
-    def _edited(
+    def _fit_edit(
         self, model: Model, insertion: Insertion, *, quick: Sequence[Values]
     ) -> Model | None:
         """A model with an edit, tried with all others of its kind at once; as a glance leaves it
@@ -235,51 +243,55 @@ class Records(Data):
         trials = self._limits if isinstance(insertion, LimitPlace) else self._edits
         return trials.of(model).get(edit_key(insertion))
 
-    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
+    def _screen_edit(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
         """The same: what is tried at once needs no further glance."""
-        return self._edited(model, insertion, quick=())
+        return self._fit_edit(model, insertion, quick=())
 
-    def answers_better(self, models: Sequence[Model], other: "Records") -> tuple[bool, list[Model]]:
+    def explains_better_than(
+        self, models: Sequence[Model], other: "EventDataset"
+    ) -> tuple[bool, list[Model]]:
         """Whether models of another reading of the same samples leave less than `HALF` here of what
         they leave there, the best of each, weights aside; and those models, begun again from where
         they fit here, so that no valley decides. Where the noise of the current alone leaves half
         of that, no reading is asked.
         """
-        if HALF * _left(models) <= self.noise.norm_of_current:
+        if HALF * _least_residual_norm(models) <= self.noise.norm_of_current:
             return False, [*models]
         fits = [
-            self.fitter.fit(one.diagram, self.beside(one), [one.refit.values]) for one in models
+            self.fitter.fit(one.diagram, self.limits_of(one), [one.refit.values]) for one in models
         ]
-        left = min((one.misfit.left(one.x) for one in fits if one is not None), default=np.inf)
-        if left >= HALF * _left(models):
+        left = min(
+            (one.misfit.residual_norm(one.x) for one in fits if one is not None), default=np.inf
+        )
+        if left >= HALF * _least_residual_norm(models):
             return False, [*models]
         there = [
-            one if fit is None else other.again(one, [fit.values])
+            one if fit is None else other.refit_from(one, [fit.values])
             for one, fit in zip(models, fits, strict=True)
         ]
-        return left < HALF * _left(there), there
+        return left < HALF * _least_residual_norm(there), there
 
-    def stable(self, model: Model) -> bool:
+    def is_stable(self, model: Model) -> bool:
         """True for a model whose simulation stays in every record."""
         return bool(np.isfinite(model.refit.chi2))
 
-    def held_out(self, model: Model) -> HeldOut | None:
+    def cross_validate(self, model: Model) -> ValidationErrors | None:
         """Each record predicted from the others, where there are enough."""
         names, squares = self.noise.events.names, []
         if len(names) < FEWEST or not isinstance(model.refit, EventFit):
             return None
         for name in names:
-            others = self.fitter.of(without(self.noise, name))
-            fit = others.fit(model.diagram, self.beside(model), [model.refit.values], led=False)
+            others = self.fitter.of(select_events(self.noise, name))
+            fit = others.fit(model.diagram, self.limits_of(model), [model.refit.values], led=False)
             if fit is None:
-                return HeldOut(None, None, None)
-            left = self.fitter.of(without(self.noise, name, hold=True))
-            misfit = left.misfit(model.diagram, self.beside(model))
-            squares.append(float(np.mean(misfit.played(fit.x[None])[0] ** 2)))
+                return ValidationErrors(None, None, None)
+            left = self.fitter.of(select_events(self.noise, name, hold=True))
+            misfit = left.misfit(model.diagram, self.limits_of(model))
+            squares.append(float(np.mean(misfit.whitened_residuals(fit.x[None])[0] ** 2)))
         found = float(np.sqrt(np.mean(squares)))
-        return HeldOut(None, None, found if np.isfinite(found) else None)
+        return ValidationErrors(None, None, found if np.isfinite(found) else None)
 
 
-def _left(models: Sequence[Model]) -> float:
+def _least_residual_norm(models: Sequence[Model]) -> float:
     """The least norm of what models leave of the samples."""
-    return min(one.refit.misfit.left(one.refit.x) for one in models)
+    return min(one.refit.misfit.residual_norm(one.refit.x) for one in models)

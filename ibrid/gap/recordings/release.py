@@ -11,7 +11,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from ibrid.gap.recordings.event_misfit import STEP, EventMisfit, of_record
+from ibrid.gap.recordings.event_misfit import STEP, EventMisfit, event_parameter
 from ibrid.gap.refitting.model import Values
 from ibrid.measurement.recordings.event_windows import returns_at
 from ibrid.measurement.recordings.events import Events
@@ -22,12 +22,12 @@ NONE = 0.1
 HOLD, MOMENT = "momentary_cessation.t_hold", "momentary_cessation.until"
 
 
-def by_until(limits: Sequence[Limit]) -> tuple[Limit, ...]:
+def with_release_moments(limits: Sequence[Limit]) -> tuple[Limit, ...]:
     """The same with a cessation that ends at a moment."""
     return tuple(UNTIL if one.id == UNTIL.id else one for one in limits)
 
 
-def by_moments(start: Mapping[str, float], events: Events) -> list[dict[str, float]]:
+def moments_from_hold(start: Mapping[str, float], events: Events) -> list[dict[str, float]]:
     """Values of a cessation with its hold behind the return of each record's voltage; and with the
     moments at which the current sets in for good, where a record has none before: a voltage that
     falls again while the current returns begins a hold anew.
@@ -36,7 +36,7 @@ def by_moments(start: Mapping[str, float], events: Events) -> list[dict[str, flo
     box, behind, seen = UNTIL.parameters["until"], {}, {}
     for record in events.records:
         name, moment = (
-            of_record(MOMENT, record.name),
+            event_parameter(MOMENT, record.name),
             returns_at(record, events.f0_hz) + start[HOLD],
         )
         none = (record.time > record.rest_end) & (
@@ -49,13 +49,13 @@ def by_moments(start: Mapping[str, float], events: Events) -> list[dict[str, flo
     return [values | behind] if behind == seen else [values | behind, values | seen]
 
 
-def by_holds(misfit: EventMisfit, x: np.ndarray) -> list[Values]:
+def holds_from_moments(misfit: EventMisfit, x: np.ndarray) -> list[Values]:
     """Values with the hold that each record shows, and with their mean; none where no record was
     blocked.
     """
     values, holds = misfit.values(x), []
     for record in misfit.noise.events.records:
-        own = misfit.values_in(record, x)
+        own = misfit.values_for_event(record, x)
         (played,) = misfit.player.play(record, [own], step=STEP)
         hold = own[MOMENT] - returned_at(misfit.player.limits, played.memory)
         if np.isfinite(hold) and hold < UNTIL.parameters["until"].high:

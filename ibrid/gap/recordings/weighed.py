@@ -9,8 +9,14 @@ import numpy as np
 
 from ibrid.gap.recordings.event_fit import EventFitter
 from ibrid.gap.recordings.event_places import LimitPlace, limit_places
-from ibrid.gap.refitting.kept import Kept
-from ibrid.gap.refitting.model import Fitted, Model, Values, explains_nearly_all, threshold
+from ibrid.gap.refitting.kept import DiagramCache
+from ibrid.gap.refitting.model import (
+    FitResult,
+    Model,
+    Values,
+    explains_nearly_all,
+    significance_threshold,
+)
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.editing.practice import Effect, Insertion
 from ibrid.playback.limits import Limit
@@ -30,7 +36,7 @@ HALF = 0.5
 EditKey = tuple[str, str, str]
 
 
-class Weighed:
+class EventEvaluation:
     """What every trial asks of records. `fitter` : by the noise that they are weighed by. `limits`
     : beside the given model.
     `small` : what the sweep alone says of diagrams, for all weights.
@@ -42,18 +48,18 @@ class Weighed:
         kinds: Vocabulary,
         catalogue: Sequence[Effect],
         limits: Sequence[Limit],
-        small: Kept[Fitted | None],
+        small: DiagramCache[FitResult | None],
     ) -> None:
         self.fitter, self.noise = fitter, fitter.noise
         self.kinds, self.catalogue, self.limits = kinds, catalogue, tuple(limits)
         self._small = small
-        self._predicted: dict[Fitted, Values] = {}
+        self._predicted: dict[FitResult, Values] = {}
 
-    def by(self, fitter: EventFitter) -> "Weighed":
+    def with_fitter(self, fitter: EventFitter) -> "EventEvaluation":
         """The same records by another fitter's noise."""
-        return Weighed(fitter, self.kinds, self.catalogue, self.limits, self._small)
+        return EventEvaluation(fitter, self.kinds, self.catalogue, self.limits, self._small)
 
-    def beside(self, model: Model) -> tuple[Limit, ...]:
+    def limits_of(self, model: Model) -> tuple[Limit, ...]:
         """The limits of a model: those of the given one, and what its edits did to them."""
         limits = list(self.limits)
         for edit in model.edits:
@@ -65,45 +71,50 @@ class Weighed:
 
     def limit_places(self, model: Model) -> tuple[LimitPlace, ...]:
         """Where a model could have a limit more, or one less."""
-        beside = self.beside(model)
+        beside = self.limits_of(model)
         return tuple(
             limit_places(model.diagram, self.kinds, beside, self.noise.events, given=self.limits)
         )
 
-    def changed(self, model: Model, insertion: Insertion) -> Model:
+    def with_edit(self, model: Model, insertion: Insertion) -> Model:
         """A model with an edit, not fitted yet."""
         return replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
 
-    def by_sweep(self, diagram: Diagram) -> Fitted | None:
+    def sweep_fit(self, diagram: Diagram) -> FitResult | None:
         """What the sweep alone says of a diagram; None without one, or without an answer."""
         refitter = self.fitter.refitter
         return (
             None
             if refitter is None
-            else self._small.of(diagram, lambda: refitter.refit(diagram, [{}], draws=16))
+            else self._small.of(diagram, lambda: refitter.fit(diagram, [{}], draws=16))
         )
 
-    def led(self, model: Model) -> Values:
+    def predicted_values(self, model: Model) -> Values:
         """Where predictions lead a model that does not explain the records; its values where it
         does.
         """
         if not self.is_doubtful(model):
             return model.refit.values
         if model.refit not in self._predicted:
-            led = self.fitter.predicted(model.diagram, self.beside(model), [model.refit.values, {}])
+            led = self.fitter.fit_predictions(
+                model.diagram, self.limits_of(model), [model.refit.values, {}]
+            )
             self._predicted[model.refit] = led
         return self._predicted[model.refit]
 
-    def predicted_cost(self, model: Model) -> float:
+    def prediction_cost(self, model: Model) -> float:
         """Of predictions of all records by a model, where they lead it."""
-        misfit = self.fitter.misfit(model.diagram, self.beside(model)).predicting.coarse
-        return min((one.cost for one in misfit.best_of([self.led(model)], 1)), default=np.inf)
+        misfit = self.fitter.misfit(model.diagram, self.limits_of(model)).prediction.coarse
+        return min(
+            (one.cost for one in misfit.start_descents_from([self.predicted_values(model)], 1)),
+            default=np.inf,
+        )
 
     def explains(self, before: Model, after: Model) -> bool:
         """Whether an edit explains the records, or nearly all that a model leaves."""
-        if before.adequate():
+        if before.is_adequate():
             return after.cost() <= RIGHT * before.cost()
-        return after.adequate() or explains_nearly_all(before, after)
+        return after.is_adequate() or explains_nearly_all(before, after)
 
     def is_doubtful(self, model: Model) -> bool:
         """Whether a model does not explain the records; or, of the given one where sampling leaves
@@ -111,37 +122,37 @@ class Weighed:
         is right leaves a hundredth of it.
         """
         doubted = self.noise.sampled and not model.edits and self.may_pay(model)
-        return not model.adequate() or (doubted and model.cost() > WRONG * model.refit.dof)
+        return not model.is_adequate() or (doubted and model.cost() > WRONG * model.refit.dof)
 
     def is_refuted_by_sweep(self, model: Model) -> bool:
         """Whether the sweep beside the records, which shows no limit, is not explained."""
-        small = self.by_sweep(model.diagram)
-        return small is not None and not small.adequate()
+        small = self.sweep_fit(model.diagram)
+        return small is not None and not small.is_adequate()
 
     def may_pay(self, model: Model) -> bool:
         """Whether a model leaves so much that a further number could pay."""
-        return model.cost() >= threshold(1, len(self.limit_places(model)))
+        return model.cost() >= significance_threshold(1, len(self.limit_places(model)))
 
 
-class Tried:
+class TriedEdits:
     """Models with each edit that was tried on a model, known again by its fit; where that explains
     all, also by its edits, since another fit with the same differs little.
     """
 
     def __init__(self) -> None:
-        self._by_fit: dict[Fitted, dict[EditKey, Model]] = {}
+        self._by_fit: dict[FitResult, dict[EditKey, Model]] = {}
         self._by_edits: dict[tuple[EditKey, ...], dict[EditKey, Model]] = {}
 
     def of(self, model: Model) -> dict[EditKey, Model] | None:
         """What was tried on a model; None where nothing was."""
         known = self._by_fit.get(model.refit)
-        return self.of_same_edits(model) if known is None and model.adequate() else known
+        return self.of_same_edits(model) if known is None and model.is_adequate() else known
 
     def of_same_edits(self, model: Model) -> dict[EditKey, Model] | None:
         """What was last tried on a model with the same edits."""
         return self._by_edits.get(_edit_keys(model))
 
-    def keep(self, model: Model, tried: dict[EditKey, Model]) -> dict[EditKey, Model]:
+    def store(self, model: Model, tried: dict[EditKey, Model]) -> dict[EditKey, Model]:
         """What was tried on a model, kept."""
         self._by_fit[model.refit] = self._by_edits[_edit_keys(model)] = tried
         return tried

@@ -8,13 +8,13 @@ import numpy as np
 
 from ibrid.gap.refitting.model import Model
 from ibrid.gap.refitting.noise import Noise
-from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.refitting.refit import SweepFitter
 from ibrid.measurement.sweeps.amplitudes import can_be_thinned, thinned
 from ibrid.measurement.sweeps.sweep import Sweep
 
 
 @dataclass(frozen=True)
-class HeldOut:
+class ValidationErrors:
     """Root mean square of the whitened residual at data that a refit did not see, 1 when only noise
     is left.
     """
@@ -32,7 +32,7 @@ WORSE = 1.2
 ENOUGH = 3
 
 
-def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
+def predicts_no_worse(before: ValidationErrors, after: ValidationErrors, points: int) -> bool:
     """True when a repair is not worse at data that it was not fitted to.
 
     points : measured operating points.
@@ -43,7 +43,7 @@ def predicts(before: HeldOut, after: HeldOut, points: int) -> bool:
     return all(old is None or (new is not None and new <= WORSE * old) for old, new in pairs)
 
 
-def held_out(refitter: Refitter, noise: Noise, model: Model) -> HeldOut:
+def cross_validate(refitter: SweepFitter, noise: Noise, model: Model) -> ValidationErrors:
     """Errors of a model where it was not fitted: at every fourth frequency, and at each operating
     point in turn.
 
@@ -51,23 +51,27 @@ def held_out(refitter: Refitter, noise: Noise, model: Model) -> HeldOut:
     """
     sweep, thin = refitter.sweep, None
     if can_be_thinned(sweep):
-        thin = _error(refitter, noise, model, thinned(sweep, hold=False), thinned(sweep, hold=True))
+        thin = _validation_error(
+            refitter, noise, model, thinned(sweep, hold=False), thinned(sweep, hold=True)
+        )
     squares = []
     for name in sweep.names if len(sweep.names) > 1 else ():
-        found = _error(refitter, noise, model, sweep.without([name]), sweep.only([name]))
+        found = _validation_error(refitter, noise, model, sweep.without([name]), sweep.only([name]))
         squares.append(np.nan if found is None else found**2)
     points = float(np.sqrt(np.mean(squares))) if squares and np.isfinite(squares).all() else None
-    return HeldOut(thin, points)
+    return ValidationErrors(thin, points)
 
 
-def _error(
-    refitter: Refitter, noise: Noise, model: Model, seen: Sweep, left: Sweep
+def _validation_error(
+    refitter: SweepFitter, noise: Noise, model: Model, seen: Sweep, left: Sweep
 ) -> float | None:
-    refit = refitter.of(replace(noise, sweep=seen)).refit(model.diagram, [model.refit.values, {}])
+    refit = refitter.of(replace(noise, sweep=seen)).fit(model.diagram, [model.refit.values, {}])
     if refit is None:
         return None
     residuals = (
-        refitter.of(replace(noise, sweep=left)).at_values(model.diagram, refit.values).residuals
+        refitter.of(replace(noise, sweep=left))
+        .evaluate_values(model.diagram, refit.values)
+        .residuals
     )
     found = float(
         np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals])))

@@ -8,7 +8,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 Made = TypeVar("Made")
 
 
-class Kept(Generic[Made]):
+class DiagramCache(Generic[Made]):
     """A memory of what was made of diagrams, each found again by the very same object.
 
     A diagram says the same as another one that is equal, and cannot be hashed, since it can be

@@ -44,14 +44,14 @@ class Noise:
         noise = self.measured or self
         return noise_floor(noise.sweep.points) if noise.known else None
 
-    def of_models(self, level: float) -> "Noise":
+    def with_model_error(self, level: float) -> "Noise":
         """What the data are weighed by where every model leaves this part of |Y|, and so misses
         more than noise: as it is alike at all frequencies, where those of little noise would else
         rule the fit.
         """
-        return replace(self, known=False, level=level, measured=self).times(1.0)
+        return replace(self, known=False, level=level, measured=self).scaled(1.0)
 
-    def times(self, factor: float) -> "Noise":
+    def scaled(self, factor: float) -> "Noise":
         """A noise that is not known at another level, `LEAST_UNKNOWN` at least."""
         level = max(factor * self.level, LEAST_UNKNOWN)
         points = tuple(replace(one, sigma=of_norm(one, level)) for one in self.sweep.points)
@@ -65,7 +65,7 @@ class Noise:
         return replace(self, sweep=replace(self.sweep, points=points), level=level, source=words)
 
 
-def noise_of(sweep: Sweep, level: float = LEAST_UNKNOWN) -> Noise:
+def estimate_noise(sweep: Sweep, level: float = LEAST_UNKNOWN) -> Noise:
     """Sigma as given; else from repeats; else, from 15 points a decade, from smoothness; else from
     vector fits; else `level` of |Y|_F.
 
@@ -81,4 +81,4 @@ def noise_of(sweep: Sweep, level: float = LEAST_UNKNOWN) -> Noise:
             sigma = np.hypot(np.asarray(estimate.sigma), of_norm(point, MODEL_FLOOR))
         points.append(replace(point, sigma=sigma, repeats=None))
     noise = Noise(replace(sweep, points=tuple(points)), source != "unknown", _WORDS[source])
-    return noise if noise.known else noise.times(level / LEAST_UNKNOWN)
+    return noise if noise.known else noise.scaled(level / LEAST_UNKNOWN)

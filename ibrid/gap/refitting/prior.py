@@ -30,14 +30,14 @@ ABSOLUTE_TOLERANCE = 0.25
 FAR = 3.0
 #: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios
 #: to differences.
-KNEE = 0.05
+RATIO_LIMIT = 0.05
 #: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end;
 #: more is a wrong unit.
-BEYOND = 10.0
+UNIT_ERROR_FACTOR = 10.0
 
 
 @dataclass(frozen=True)
-class Belief:
+class NominalValue:
     """A nominal value and one standard deviation: of the logarithm where the value is positive,
     else absolute.
     """
@@ -47,21 +47,28 @@ class Belief:
 
 
 #: Free parameter -> what is believed of it.
-Prior = Mapping[str, Belief]
+Prior = Mapping[str, NominalValue]
 Nominal = Mapping[str, float | Mapping[str, float]]
 
 
-class Beliefs:
-    """What is believed of free parameters, in order.
+class ParameterPrior:
+    """Gaussian prior of P free parameters, on a logarithmic scale where that exists.
 
     Law: with nominal value n and tolerance t a value theta is (asinh(theta / kn) - asinh(1 / k)) /
-    t standard deviations away, k = `KNEE`: the logarithm of the ratio over t down to kn, and still
-    finite at zero and below. In a positive box it is ln(theta / n) / t, with n <= 0 it is (theta -
-    n) / t, and 0 where nothing is believed.
+    t standard deviations away, k = `RATIO_LIMIT`: the logarithm of the ratio over t down to kn, and
+    finite at zero and below. Within positive bounds it is ln(theta / n) / t, with n <= 0 it is
+    (theta - n) / t, and 0 without a nominal value.
 
-    `known` : (P,) True where something is believed. `nominal` : (P,) nominal values, where nothing
-    is believed the typical value of the parameter. `weight` : (P,) 1/t, 0 where nothing is
-    believed. `coordinates` : theta <-> x.
+    Attributes
+    ----------
+    known : ndarray
+        (P,) True where there is a nominal value.
+    nominal : ndarray
+        (P,) nominal values, else the typical value of the parameter.
+    weight : ndarray
+        (P,) 1/t, 0 without a nominal value.
+    coordinates : Coordinates
+        Of the search: theta <-> x.
     """
 
     def __init__(self, parameters: Sequence[Parameter], prior: Prior) -> None:
@@ -76,26 +83,30 @@ class Beliefs:
         self.weight = np.array([0.0 if one is None else 1.0 / one.tolerance for one in held])
         self._ratio = np.array([one.logarithmic for one in parameters], dtype=bool)
         self._bent = ~self._ratio & (self.nominal > 0)
-        self._knee = np.where(self._bent, KNEE * self.nominal, 1.0)
+        self._knee = np.where(self._bent, RATIO_LIMIT * self.nominal, 1.0)
         self._over = np.where(self._ratio, self.nominal, 1.0)
 
-    def sigmas(self, theta: np.ndarray) -> np.ndarray:
+    def deviations(self, theta: np.ndarray) -> np.ndarray:
         """Standard deviations between theta (..., P) and the nominal values."""
         safe = np.where(self._ratio, theta, 1.0)
         away = np.where(self._ratio, np.log(safe / self._over), theta - self.nominal)
-        bent = np.arcsinh(theta / self._knee) - np.arcsinh(1.0 / KNEE)
+        bent = np.arcsinh(theta / self._knee) - np.arcsinh(1.0 / RATIO_LIMIT)
         return np.where(self.known, np.where(self._bent, bent, away) * self.weight, 0.0)
 
     def moved(self, x: np.ndarray) -> dict[str, float]:
         """Parameter with a nominal value -> how far x (P,) is from that, in standard deviations of
         its tolerance.
         """
-        rows = zip(self.names, self.sigmas(self.coordinates.to_theta(x)), self.known, strict=True)
+        rows = zip(
+            self.names, self.deviations(self.coordinates.to_theta(x)), self.known, strict=True
+        )
         return {name: float(away) for name, away, known in rows if known}
 
-    def put_back(self, x: np.ndarray) -> np.ndarray:
+    def reset_implausible(self, x: np.ndarray) -> np.ndarray:
         """x (P,) with the nominal value for all that is beyond `FAR`."""
-        return np.where(np.abs(self.sigmas(self.coordinates.to_theta(x))) > FAR, self.start({}), x)
+        return np.where(
+            np.abs(self.deviations(self.coordinates.to_theta(x))) > FAR, self.start({}), x
+        )
 
     def slope(self, theta: np.ndarray) -> np.ndarray:
         """Their derivative by theta (..., P)."""
@@ -110,28 +121,28 @@ class Beliefs:
         )
         return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
 
-    def x_slope(self, x: np.ndarray) -> np.ndarray:
+    def deviation_slope_in_x(self, x: np.ndarray) -> np.ndarray:
         """Standard deviations for each unit of x, at x (..., P)."""
-        return self._x_slope(self.coordinates.to_theta(x))
+        return self._deviation_slope_in_x(self.coordinates.to_theta(x))
 
-    def _x_slope(self, theta: np.ndarray) -> np.ndarray:
+    def _deviation_slope_in_x(self, theta: np.ndarray) -> np.ndarray:
         return self.slope(theta) * self.coordinates.slope(theta)
 
-    def pull(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def penalty_terms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Sum of the squared standard deviations (...), half its gradient and its curvature (...,
         P), at x (..., P).
         """
         theta = self.coordinates.to_theta(x)
-        away, slope = self.sigmas(theta), self._x_slope(theta)
+        away, slope = self.deviations(theta), self._deviation_slope_in_x(theta)
         return (away**2).sum(axis=-1), away * slope, slope**2
 
     def width(self, x: np.ndarray, unknown: float = DECADE) -> np.ndarray:
         """One standard deviation in x (P,), at x (P,); `unknown` where nothing is believed."""
-        slope = self.x_slope(x)
+        slope = self.deviation_slope_in_x(x)
         return np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), unknown)
 
 
-def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, Belief]:
+def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, NominalValue]:
     """The prior that nominal values mean for the free parameters of a diagram.
 
     values : name -> value, or -> {"value", "tolerance"}; a name is that of a free parameter or of a
@@ -146,7 +157,7 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
     every = {
         f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters
     } | set(owner)
-    prior: dict[str, Belief] = {}
+    prior: dict[str, NominalValue] = {}
     said: dict[str, tuple[str, float, float | None]] = {}
     for name, entry in values.items():
         if name not in every:
@@ -157,7 +168,7 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
         if name not in owner:
             continue
         parameter = free[owner[name]]
-        value, tolerance = entry_of(name, entry, parameter)
+        value, tolerance = read_nominal_value(name, entry, parameter)
         if parameter.name in said:
             other, held, spread = said[parameter.name]
             if held != value or (None not in (spread, tolerance) and spread != tolerance):
@@ -173,11 +184,11 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
             kinds = {wiring.kinds[module].family for module, _ in parameter.members}
             tolerance = PLANT_TOLERANCE if kinds == {PLANT} else OTHER_TOLERANCE
             tolerance = tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
-        prior[parameter.name] = Belief(value, tolerance)
+        prior[parameter.name] = NominalValue(value, tolerance)
     return prior
 
 
-def entry_of(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:
+def read_nominal_value(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:
     """A nominal value inside its box, and the tolerance that was said with it.
 
     Raises IbridError for what means nothing.
@@ -254,8 +265,8 @@ def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
     """Raise IbridError for a nominal value far from all that a fit may take."""
     low, high = box.low, box.high
     lowest, highest = (
-        (low / BEYOND if low > 0 else BEYOND * low),
-        (high * BEYOND if high > 0 else high / BEYOND),
+        (low / UNIT_ERROR_FACTOR if low > 0 else UNIT_ERROR_FACTOR * low),
+        (high * UNIT_ERROR_FACTOR if high > 0 else high / UNIT_ERROR_FACTOR),
     )
     if not lowest <= value <= highest:
         unit = "" if box.unit in ("", "1") else f" {box.unit}"

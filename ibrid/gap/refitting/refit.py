@@ -20,10 +20,10 @@ from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import StartDrawer
 from ibrid.fit.twins import find_twins
-from ibrid.gap.refitting.kept import Kept
-from ibrid.gap.refitting.model import Fitted, Values
+from ibrid.gap.refitting.kept import DiagramCache
+from ibrid.gap.refitting.model import FitResult, Values
 from ibrid.gap.refitting.noise import Noise
-from ibrid.gap.refitting.prior import Beliefs, Prior
+from ibrid.gap.refitting.prior import ParameterPrior, Prior
 from ibrid.measurement.sweeps.amplitudes import coarse
 from ibrid.measurement.sweeps.sweep import measured_numbers
 from ibrid.modules.vocabulary import Vocabulary
@@ -51,10 +51,10 @@ WHOLE = FitSettings(objective="sigma", solved=1e-2)
 
 
 @dataclass(frozen=True, eq=False)
-class Refit(Fitted):
+class SweepFit(FitResult):
     """A diagram at its best parameters.
 
-    `x` : (P,) in search coordinates. `believed` : of the problem's free numbers. `moved` :
+    `x` : (P,) in search coordinates. `parameter_prior` : of the problem's free numbers. `moved` :
     parameter with a nominal value -> how far it is from that, in standard deviations of its
     tolerance.
     """
@@ -63,11 +63,11 @@ class Refit(Fitted):
     problem: Problem
     prior: Prior
     x: np.ndarray
-    believed: Beliefs
+    parameter_prior: ParameterPrior
     moved: Mapping[str, float]
 
     @property
-    def growth(self) -> list[float] | None:
+    def growth_rates(self) -> list[float] | None:
         """Largest real part of a pole (1/s) at each operating point; None with delays, whose Pade
         forms are another system's.
         """
@@ -94,19 +94,19 @@ class Refit(Fitted):
 
 
 @dataclass(frozen=True, eq=False)
-class Task:
+class FitTask:
     """What a diagram has to be fitted to, made once for each: the data as a problem in its free
     numbers, what is believed of these, and the two sums of squares in which descents go, of
     whitened residuals and of logarithms.
     """
 
     problem: Problem
-    beliefs: Beliefs
+    parameter_prior: ParameterPrior
     chi2: Misfit
     logarithmic: Misfit
 
 
-class Refitter:
+class SweepFitter:
     """Fits diagrams to the same data."""
 
     def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, seed: int) -> None:
@@ -117,31 +117,31 @@ class Refitter:
             prior,
             seed,
         )
-        self._symbolic, self._tasks = Kept[SymbolicModel](), Kept[Task]()
+        self._symbolic, self._tasks = DiagramCache[SymbolicModel](), DiagramCache[FitTask]()
         self._rngs: dict[str, np.random.Generator] = {}
-        self._few = self._on_few()
+        self._coarse = self._coarse_fitter()
 
-    def of(self, noise: Noise) -> "Refitter":
+    def of(self, noise: Noise) -> "SweepFitter":
         """The same for other data; models are derived once for each power node and nominal
         frequency.
         """
-        other = Refitter(noise, self.kinds, self.prior, self.seed)
+        other = SweepFitter(noise, self.kinds, self.prior, self.seed)
         if (noise.sweep.power_node, noise.sweep.f0_hz) == (self.sweep.power_node, self.sweep.f0_hz):
             other._share(self._symbolic)
         return other
 
-    def _share(self, symbolic: Kept[SymbolicModel]) -> None:
+    def _share(self, symbolic: DiagramCache[SymbolicModel]) -> None:
         self._symbolic = symbolic
-        if self._few is not None:
-            self._few._share(symbolic)
+        if self._coarse is not None:
+            self._coarse._share(symbolic)
 
-    def _on_few(self) -> "Refitter | None":
+    def _coarse_fitter(self) -> "SweepFitter | None":
         """The same on a few of many data, where descents begin; None where there are not many."""
         points = self.sweep.points
         if sum(len(point.frequency) for point in points) <= MANY:
             return None
         few = replace(self.sweep, points=coarse(points, MOST_POINTS, MOST_FREQUENCIES))
-        other = Refitter(replace(self.noise, sweep=few), self.kinds, self.prior, self.seed)
+        other = SweepFitter(replace(self.noise, sweep=few), self.kinds, self.prior, self.seed)
         other._share(self._symbolic)
         return other
 
@@ -149,10 +149,10 @@ class Refitter:
         """The fitting problem of a legal diagram; DiagramError where that has no matrices."""
         return self._task(diagram).problem
 
-    def _task(self, diagram: Diagram) -> Task:
+    def _task(self, diagram: Diagram) -> FitTask:
         """DiagramError where a diagram has no matrices."""
 
-        def made() -> Task:
+        def made() -> FitTask:
             physics = {
                 "equilibrium": "exact",
                 "power_node": self.sweep.power_node,
@@ -162,16 +162,21 @@ class Refitter:
                 diagram, lambda: symbolic_model(wire(diagram, self.kinds), **physics)
             )
             problem = Problem(model, self.sweep.points)
-            beliefs = Beliefs([number.parameter for number in problem.numbers], self.prior)
-            return Task(
-                problem, beliefs, Misfit(problem, "chi2", beliefs), Misfit(problem, "log", beliefs)
+            parameter_prior = ParameterPrior(
+                [number.parameter for number in problem.numbers], self.prior
+            )
+            return FitTask(
+                problem,
+                parameter_prior,
+                Misfit(problem, "chi2", parameter_prior),
+                Misfit(problem, "log", parameter_prior),
             )
 
         return self._tasks.of(diagram, made)
 
-    def refit(
+    def fit(
         self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
-    ) -> Refit | None:
+    ) -> SweepFit | None:
         """The best of many descents; None when no start has a response, or the diagram no matrices.
 
         starts : values by name; what they lack is the nominal value, or drawn. draws : further
@@ -181,42 +186,44 @@ class Refitter:
             task = self._task(diagram)
         except DiagramError:
             return None
-        x = np.array([task.beliefs.start(values) for values in starts])
+        x = np.array([task.parameter_prior.start(values) for values in starts])
         if draws:
-            x = np.concatenate([x, _moved(x, task.beliefs, draws, spread, self._rng(diagram))])
-        if self._few is None:
-            return self._best(diagram, _led(task.chi2, task.logarithmic, x, len(starts)))
-        few = self._few._task(diagram)
-        ends = _led(few.chi2, few.logarithmic, x, len(starts)).best(CARRIED)
+            x = np.concatenate(
+                [x, _perturb_starts(x, task.parameter_prior, draws, spread, self._rng(diagram))]
+            )
+        if self._coarse is None:
+            return self._best(diagram, _descend_starts(task.chi2, task.logarithmic, x, len(starts)))
+        few = self._coarse._task(diagram)
+        ends = _descend_starts(few.chi2, few.logarithmic, x, len(starts)).best(CARRIED)
         return self._best(
             diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), NEAR[1])
         )
 
-    def _best(self, diagram: Diagram, ends: Batch) -> Refit | None:
+    def _best(self, diagram: Diagram, ends: Batch) -> SweepFit | None:
         return (
             self.at(diagram, ends.x[int(np.argmin(ends.cost))])
             if np.isfinite(ends.cost).any()
             else None
         )
 
-    def whole_fit(self, diagram: Diagram) -> Refit | None:
+    def fit_without_prior(self, diagram: Diagram) -> SweepFit | None:
         """A refit from where a fit without any prior ends, and from its twins, which takes long;
         None where there is none.
 
         Draws around typical values find the right valley of a grid-following inverter. Of a cascade
         of voltage and current control, or of two devices, they mostly do not.
         """
-        problem = (self._few or self)._task(diagram).problem
+        problem = (self._coarse or self)._task(diagram).problem
         wiring, omega_0 = wire(diagram, self.kinds), self.sweep.omega_0
         drawer, twins = StartDrawer(problem, wiring, omega_0), find_twins(problem, wiring, omega_0)
         whole = fit(problem, drawer, twins, self._rng(diagram), WHOLE)
         if whole is None:
             return None
-        return self.refit(diagram, [problem.values_at(x, 0) for x in (whole.x, *whole.twins)])
+        return self.fit(diagram, [problem.values_at(x, 0) for x in (whole.x, *whole.twins)])
 
-    def glance(
+    def screen(
         self, diagram: Diagram, starts: Sequence[Values], *, near: bool = False
-    ) -> Refit | None:
+    ) -> SweepFit | None:
         """A diagram after a few steps from the starts: an upper end of what a refit finds, at a
         tenth of its cost.
 
@@ -227,40 +234,40 @@ class Refitter:
             task = self._task(diagram)
         except DiagramError:
             return None
-        x = np.array([task.beliefs.start(values) for values in starts])
-        if self._few is None:
-            return self._best(diagram, _glanced(task.chi2, task.logarithmic, x, near))
-        few = self._few._task(diagram)
-        ends = _glanced(few.chi2, few.logarithmic, x, near).best(1)
+        x = np.array([task.parameter_prior.start(values) for values in starts])
+        if self._coarse is None:
+            return self._best(diagram, _screen_starts(task.chi2, task.logarithmic, x, near))
+        few = self._coarse._task(diagram)
+        ends = _screen_starts(few.chi2, few.logarithmic, x, near).best(1)
         return self._best(
             diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), POLISH)
         )
 
-    def at(self, diagram: Diagram, x: np.ndarray) -> Refit:
+    def at(self, diagram: Diagram, x: np.ndarray) -> SweepFit:
         """A diagram at given search coordinates (P,)."""
         task = self._task(diagram)
         problem = task.problem
         cost, _, hessian = task.chi2.parts(x[None])
         data, prior = hessian[0, :-1].sum(axis=0), hessian[0, -1]
         numbers = measured_numbers(problem.points)
-        return Refit(
+        return SweepFit(
             values=problem.values_at(x, 0),
             chi2=float(cost[0, :-1].sum()),
             penalty=float(cost[0, -1]),
-            dof=max(numbers - _effective(data, prior), 1.0),
-            numbers=numbers,
-            free=problem.size,
+            dof=max(numbers - _effective_parameters(data, prior), 1.0),
+            measurement_count=numbers,
+            parameter_count=problem.size,
             diagram=diagram,
             problem=problem,
             prior=self.prior,
             x=x,
-            believed=task.beliefs,
-            moved=task.beliefs.moved(x),
+            parameter_prior=task.parameter_prior,
+            moved=task.parameter_prior.moved(x),
         )
 
-    def at_values(self, diagram: Diagram, values: Values) -> Refit:
+    def evaluate_values(self, diagram: Diagram, values: Values) -> SweepFit:
         """A diagram at values by name; what they lack is the nominal or the typical value."""
-        return self.at(diagram, self._task(diagram).beliefs.start(values))
+        return self.at(diagram, self._task(diagram).parameter_prior.start(values))
 
     def _rng(self, diagram: Diagram) -> np.random.Generator:
         """Of a structure: what else was fitted before it does not matter."""
@@ -268,7 +275,7 @@ class Refitter:
         return self._rngs.setdefault(key, np.random.default_rng([self.seed, int(key[:16], 16)]))
 
 
-def _led(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, given: int) -> Batch:
+def _descend_starts(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, given: int) -> Batch:
     """Where starts x (S, P) lead, the first of which were given."""
     near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), GIVEN)
     far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR[0]).best(KEPT)
@@ -279,7 +286,7 @@ def _led(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, given: int) -> Batch:
     )
 
 
-def _glanced(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, near: bool) -> Batch:
+def _screen_starts(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, near: bool) -> Batch:
     """Starts x (S, P) after a few steps; near : with whitened residuals alone."""
     first = LEVENBERG.begin(chi2, x)
     if near:
@@ -290,20 +297,24 @@ def _glanced(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, near: bool) -> Ba
     )
 
 
-def _moved(
-    x: np.ndarray, beliefs: Beliefs, number: int, spread: float, rng: np.random.Generator
+def _perturb_starts(
+    x: np.ndarray,
+    parameter_prior: ParameterPrior,
+    number: int,
+    spread: float,
+    rng: np.random.Generator,
 ) -> np.ndarray:
     """So many of the starts x (S, P), each moved by `spread` standard deviations of what is
     believed.
     """
     base = x[rng.integers(len(x), size=number)]
-    coordinates = beliefs.coordinates
-    width = beliefs.width(coordinates.to_x(beliefs.nominal))
+    coordinates = parameter_prior.coordinates
+    width = parameter_prior.width(coordinates.to_x(parameter_prior.nominal))
     moved = base + spread * width * rng.standard_normal(base.shape)
     return np.clip(moved, coordinates.x_low, coordinates.x_high)
 
 
-def _effective(data: np.ndarray, prior: np.ndarray) -> float:
+def _effective_parameters(data: np.ndarray, prior: np.ndarray) -> float:
     """Trace of data (data + prior)^-1: how many parameters the data decide. data, prior : (P,
     P).
     """

@@ -20,8 +20,7 @@ EXPERIMENTS: Mapping[str, float] = MappingProxyType({"low": 600, "normal": 10_00
 
 @dataclass
 class Budget:
-    """Experiments of one search for a gap, counted by its `Data` where they are asked for, whatever
-    was kept of earlier ones.
+    """Experiments of one search for a gap, counted by its dataset even where results are cached.
 
     `effort` : a name of `EXPERIMENTS`. `made` : so many experiments. `stopped` : True once more
     were wanted than the effort has.
@@ -38,12 +37,12 @@ class Budget:
         """So many experiments are made."""
         self.made += experiments
 
-    def over(self) -> bool:
+    def is_exhausted(self) -> bool:
         """True when no further experiment may begin."""
         self.stopped = self.stopped or self.made >= EXPERIMENTS[self.effort]
         return self.stopped
 
-    def account(self, sentence: str) -> dict[str, Any]:
+    def summarise(self, sentence: str) -> dict[str, Any]:
         """What an answer with such a sentence says of it, as fields: unfinished where more was
         wanted.
         """
@@ -58,7 +57,7 @@ class Budget:
         return {**spent, "complete": False, "sentence": f"Unfinished: {sentence} {short}"}
 
     @contextmanager
-    def aside(self) -> Iterator[None]:
+    def without_counting(self) -> Iterator[None]:
         """Experiments within are not counted: those of an answer on the way, which come by the
         clock.
         """

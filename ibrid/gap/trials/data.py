@@ -15,7 +15,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterator, Sequence
 
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.refitting.held_out import HeldOut
+from ibrid.gap.refitting.held_out import ValidationErrors
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.trials.budget import Budget
@@ -25,17 +25,27 @@ from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.diagrams.diagram import Diagram
 
 
-class Data(ABC):
-    """One kind of data. `noise` : what the data are weighed by. `kinds` : that edits may use.
-    `budget` : of the search.
-    `ahead` : first edits, apart in what they leave, from which every second one is looked at where
-    no single one is enough.
-    `remarks` : how they are read, where that was decided, sentences.
+class Dataset(ABC):
+    """One kind of measured data, to which models and their edits are fitted.
+
+    Attributes
+    ----------
+    noise : Noise
+        What the data are weighted by.
+    kinds : Vocabulary
+        Module kinds that edits may use.
+    budget : Budget
+        Of the search; every fit and screening fit is an experiment.
+    beam_width : int
+        First edits with different residuals from which pairs are tried where no single edit
+        explains the data.
+    remarks : tuple of str
+        How the data were read, where that had to be decided.
     """
 
     noise: Noise
     kinds: Vocabulary
-    ahead = 1
+    beam_width = 1
     remarks: tuple[str, ...] = ()
 
     def __init__(self, budget: Budget | None = None) -> None:
@@ -43,75 +53,77 @@ class Data(ABC):
 
     # experiments, each counted whether or not something of it is known already
 
-    def given(self, diagram: Diagram) -> Model | None:
+    def fit_given(self, diagram: Diagram) -> Model | None:
         """The given model, fitted; None where it has no response."""
         self.budget.spend()
-        return self._given(diagram)
+        return self._fit_given(diagram)
 
-    def refitted(
+    def refit_model(
         self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
     ) -> Model | None:
         """A model fitted from starts, as `Refitter.refit` takes them; None where it has no
         response.
         """
         self.budget.spend()
-        return self._refitted(model, starts, draws=draws, spread=spread)
+        return self._refit_model(model, starts, draws=draws, spread=spread)
 
-    def again(self, model: Model, starts: Sequence[Values]) -> Model:
+    def refit_from(self, model: Model, starts: Sequence[Values]) -> Model:
         """A model fitted from further starts; the better of both."""
         self.budget.spend()
-        return self._again(model, starts)
+        return self._refit_from(model, starts)
 
-    def edited(
+    def fit_edit(
         self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()
     ) -> Model | None:
         """A model with an edit, fitted; quick : from these values alone."""
         self.budget.spend()
-        return self._edited(model, insertion, quick=quick)
+        return self._fit_edit(model, insertion, quick=quick)
 
-    def glanced(self, model: Model, insertion: Insertion, *, near: bool = False) -> Model | None:
-        """A model with an edit after a few steps, at most as good as `edited`; near : of a model
+    def screen_edit(
+        self, model: Model, insertion: Insertion, *, near: bool = False
+    ) -> Model | None:
+        """A model with an edit after a few steps, at most as good as `fit_edit`; near : of a model
         that fits already.
         """
         self.budget.spend()
-        return self._glanced(model, insertion, near=near)
+        return self._screen_edit(model, insertion, near=near)
 
     # what a kind of data does at each
 
     @abstractmethod
-    def _given(self, diagram: Diagram) -> Model | None:
-        """As `given`."""
+    def _fit_given(self, diagram: Diagram) -> Model | None:
+        """As `fit_given`."""
 
     @abstractmethod
-    def _refitted(
+    def _refit_model(
         self, model: Model, starts: Sequence[Values], *, draws: int, spread: float
     ) -> Model | None:
-        """As `refitted`."""
+        """As `refit_model`."""
 
-    def _again(self, model: Model, starts: Sequence[Values]) -> Model:
-        """As `again`."""
-        other = self._refitted(model, starts, draws=0, spread=0.7)
+    def _refit_from(self, model: Model, starts: Sequence[Values]) -> Model:
+        """As `refit_from`."""
+        other = self._refit_model(model, starts, draws=0, spread=0.7)
         return model if other is None or other.refit.cost >= model.refit.cost else other
 
     @abstractmethod
-    def _edited(
+    def _fit_edit(
         self, model: Model, insertion: Insertion, *, quick: Sequence[Values]
     ) -> Model | None:
-        """As `edited`."""
+        """As `fit_edit`."""
 
     @abstractmethod
-    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
-        """As `glanced`."""
+    def _screen_edit(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
+        """As `screen_edit`."""
 
     # the rest
 
-    def roughly(self) -> Model | None:
+    def fall_back_to_nominal_noise(self) -> Model | None:
         """The given model where it explains the data by a first estimate of their noise, by which
         they are weighed again; None where there is no other estimate, or it does not.
         """
         return None
 
-    def begun_from_beliefs(self, model: Model) -> Model:
+    def refit_from_prior(self, model: Model) -> Model:
         """A repaired model begun once more from what is believed; the better of both."""
         return model
 
@@ -119,25 +131,25 @@ class Data(ABC):
     def insertions(self, model: Model) -> Sequence[Insertion]:
         """All edits of a model."""
 
-    def would_try(self, model: Model, edit: Insertion | Convention) -> bool:
+    def would_try_edit(self, model: Model, edit: Insertion | Convention) -> bool:
         """Whether an edit is among those that are tried on a model."""
         return True
 
-    def pays(self, before: Model, after: Model) -> bool:
+    def accepts_edit(self, before: Model, after: Model) -> bool:
         """Whether an edit that is significant is worth a name."""
         return True
 
-    def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
+    def fit_other_conventions(self, model: Model, enough: float) -> Iterator[Model]:
         """A model on the data as they read in other conventions, fitted; enough : cost that
         something else reaches. Each look and each fit is an experiment.
         """
         return iter(())
 
     @abstractmethod
-    def stable(self, model: Model) -> bool:
+    def is_stable(self, model: Model) -> bool:
         """True for a model that a device may be."""
 
-    def ports(
+    def compute_port_map(
         self, given: Model, steps: list[str], repaired: Model | None = None
     ) -> tuple[PortFit, ...]:
         """Where one unknown transfer would explain what is left; () and perhaps a step that says
@@ -148,6 +160,6 @@ class Data(ABC):
         """
         return ()
 
-    def held_out(self, model: Model) -> HeldOut | None:
+    def cross_validate(self, model: Model) -> ValidationErrors | None:
         """Its errors where it was not fitted; None where the data do not tell."""
         return None

@@ -5,13 +5,13 @@ part of every interval.
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from ibrid.gap.refitting.model import Model, best_first, is_form
+from ibrid.gap.refitting.model import Model, is_delay_form, rank_by_bic
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.diagrams.diagram import Diagram
 
 if TYPE_CHECKING:
-    from ibrid.gap.trials.data import Data
+    from ibrid.gap.trials.data import Dataset
 
 #: Operating point -> parameter -> interval.
 Intervals = Mapping[str, Mapping[str, Any]]
@@ -19,62 +19,69 @@ Intervals = Mapping[str, Mapping[str, Any]]
 REDRAWN = 2
 
 
-def lost_forms(given: Diagram, edits: Sequence[Insertion | Convention]) -> tuple[int, ...]:
+def find_lost_forms(given: Diagram, edits: Sequence[Insertion | Convention]) -> tuple[int, ...]:
     """Places of the forms among edits of a given diagram of which the last diagram has nothing
     left: another form came later, or the delay went. What was done to such a delay is to be told of
     the given one.
     """
-    before = _kinds_of(given)
+    before = _kinds_by_name(given)
     after = next(
-        (_kinds_of(edit.diagram) for edit in reversed(edits) if isinstance(edit, Insertion)), before
+        (_kinds_by_name(edit.diagram) for edit in reversed(edits) if isinstance(edit, Insertion)),
+        before,
     )
     left = {name: kind for name, kind in after.items() if before.get(name) != kind}
     lost = list[int]()
     for place, edit in enumerate(edits):
         if isinstance(edit, Convention):
             continue
-        now = _kinds_of(edit.diagram)
+        now = _kinds_by_name(edit.diagram)
         formed = {name: kind for name, kind in now.items() if before.get(name) != kind}
-        if is_form(edit) and not formed.items() & left.items():
+        if is_delay_form(edit) and not formed.items() & left.items():
             lost.append(place)
         before = now
     return tuple(lost)
 
 
-def _kinds_of(diagram: Diagram) -> dict[str, str]:
+def _kinds_by_name(diagram: Diagram) -> dict[str, str]:
     """Kind of each block by its name."""
     return {one.name: one.kind for one in diagram.instances}
 
 
-def in_other_forms(shop: "Data", model: Model, scale: float, most: int = REDRAWN) -> list[Model]:
+def fit_other_delay_forms(
+    dataset: "Dataset", model: Model, scale: float, most: int = REDRAWN
+) -> list[Model]:
     """A model with its delays in other forms, the best `most` by a glance refitted from its values;
     [] without delays.
 
     scale : of the noise.
     """
-    forms = [edit for edit in shop.insertions(model) if edit.form]
-    glances = [look for edit in forms if (look := shop.glanced(model, edit)) is not None]
-    first = best_first(glances, scale)[:most]
+    forms = [edit for edit in dataset.insertions(model) if edit.form]
+    glances = [look for edit in forms if (look := dataset.screen_edit(model, edit)) is not None]
+    first = rank_by_bic(glances, scale)[:most]
     edits = [look.edits[-1] for look in first]
     refitted = [
-        shop.edited(model, edit, quick=(model.refit.values,)) for edit in edits if is_form(edit)
+        dataset.fit_edit(model, edit, quick=(model.refit.values,))
+        for edit in edits
+        if is_delay_form(edit)
     ]
     return [trial for trial in refitted if trial is not None]
 
 
-def allowed_forms(shop: "Data", model: Model, scale: float, alike: float) -> list[Model]:
+def find_allowed_delay_forms(
+    dataset: "Dataset", model: Model, scale: float, alike: float
+) -> list[Model]:
     """A model with its delays in each other form that the data cannot tell from its own: stable,
     and at most `alike` worse by the Bayesian information criterion; in the order of the catalogue,
     which is that on every machine.
     """
     limit = model.bic(scale) + alike
-    places = [edit.where for edit in shop.insertions(model) if edit.form]
-    others = in_other_forms(shop, model, scale, most=len(places))
-    allowed = [other for other in others if other.bic(scale) <= limit and shop.stable(other)]
+    places = [edit.where for edit in dataset.insertions(model) if edit.form]
+    others = fit_other_delay_forms(dataset, model, scale, most=len(places))
+    allowed = [other for other in others if other.bic(scale) <= limit and dataset.is_stable(other)]
     return sorted(allowed, key=lambda other: places.index(getattr(other.edits[-1], "where", "")))
 
 
-def over_forms(intervals: Intervals, others: Sequence[Intervals]) -> dict[str, dict[str, Any]]:
+def unite_intervals(intervals: Intervals, others: Sequence[Intervals]) -> dict[str, dict[str, Any]]:
     """Intervals that hold whichever form the device has: the union over those of its own and those
     in the other forms.
 

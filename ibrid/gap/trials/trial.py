@@ -11,14 +11,14 @@ from ibrid.evaluation.describe import STABLE_BELOW
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.reading import usual_first
 from ibrid.gap.ports.port_map import PortFit, port_map
-from ibrid.gap.refitting.held_out import HeldOut, held_out
-from ibrid.gap.refitting.kept import Kept
+from ibrid.gap.refitting.held_out import ValidationErrors, cross_validate
+from ibrid.gap.refitting.kept import DiagramCache
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.gap.refitting.noise import Noise
 from ibrid.gap.refitting.prior import Prior
-from ibrid.gap.refitting.refit import Refit, Refitter
+from ibrid.gap.refitting.refit import SweepFit, SweepFitter
 from ibrid.gap.trials.budget import Budget
-from ibrid.gap.trials.data import Data
+from ibrid.gap.trials.data import Dataset
 from ibrid.measurement.conventions.labels import (
     FRAME,
     MISALIGNED,
@@ -53,10 +53,10 @@ HOPELESS = 20.0
 STARTS = {FRAME: np.linspace(-0.4, 0.4, 7), ROTATION: np.linspace(-1.2, 1.5, 10)}
 
 
-class Workshop(Data):
-    """A small-signal sweep as a kind of `Data`, read in any convention."""
+class SweepDataset(Dataset):
+    """A small-signal sweep as a kind of `Dataset`, read in any convention."""
 
-    ahead = 6
+    beam_width = 6
 
     def __init__(
         self,
@@ -71,12 +71,12 @@ class Workshop(Data):
         super().__init__(budget)
         self.labels = labels
         self.noise, self.kinds, self.catalogue = noise, kinds, tuple(catalogue)
-        self._plain = Refitter(noise, kinds, prior, seed)
-        self._refitters: dict[Convention, Refitter] = {}
-        self._edits = Kept[tuple[Insertion, ...]]()
+        self._plain = SweepFitter(noise, kinds, prior, seed)
+        self._refitters: dict[Convention, SweepFitter] = {}
+        self._edits = DiagramCache[tuple[Insertion, ...]]()
         self.known_stable: WeakKeyDictionary[Model, bool] = WeakKeyDictionary()
 
-    def refitter(self, convention: Convention) -> Refitter:
+    def refitter(self, convention: Convention) -> SweepFitter:
         """What fits to the data as they read in a convention."""
         if convention == Convention():
             return self._plain
@@ -87,39 +87,39 @@ class Workshop(Data):
             self._refitters[convention] = self._plain.of(read)
         return self._refitters[convention]
 
-    def _given(self, diagram: Diagram) -> Model | None:
+    def _fit_given(self, diagram: Diagram) -> Model | None:
         """The given model, refitted from many starts; by whole fits where these have no response,
         or values are unknown.
         """
         refitter = self.refitter(Convention())
-        refit = refitter.refit(diagram, [{}], draws=BASE_DRAWS) or refitter.whole_fit(diagram)
+        refit = refitter.fit(diagram, [{}], draws=BASE_DRAWS) or refitter.fit_without_prior(diagram)
         if refit is None:
             return None
-        for _ in range(WHOLE_FITS if len(refit.moved) < refit.free else 0):
-            if refit.adequate():
+        for _ in range(WHOLE_FITS if len(refit.moved) < refit.parameter_count else 0):
+            if refit.is_adequate():
                 break
-            found = refitter.whole_fit(diagram)
+            found = refitter.fit_without_prior(diagram)
             refit = found if found is not None and found.cost < refit.cost else refit
         return Model(diagram, Convention(), refit)
 
-    def _refitted(
+    def _refit_model(
         self, model: Model, starts: Sequence[Values], *, draws: int, spread: float
     ) -> Model | None:
         """A model refitted from starts; None where it has no response."""
-        refit = self.refitter(model.convention).refit(
+        refit = self.refitter(model.convention).fit(
             model.diagram, starts, draws=draws, spread=spread
         )
         return None if refit is None else replace(model, refit=refit)
 
-    def stable(self, model: Model) -> bool:
+    def is_stable(self, model: Model) -> bool:
         """True when all poles lie in the left half plane at every fitted point."""
         if model not in self.known_stable:
-            self.known_stable[model] = self._found_stable(model)
+            self.known_stable[model] = self._has_stable_poles(model)
         return self.known_stable[model]
 
-    def _found_stable(self, model: Model) -> bool:
+    def _has_stable_poles(self, model: Model) -> bool:
         refit, sweep = model.refit, self.refitter(model.convention).sweep
-        if isinstance(refit, Refit) and (rates := refit.growth) is not None:
+        if isinstance(refit, SweepFit) and (rates := refit.growth_rates) is not None:
             return max(rates) < STABLE_BELOW
         record = record_at(model.diagram, sweep, refit.values, vocabulary=self.kinds)
         return bool(record.stable) and all(record.stable.values())
@@ -131,7 +131,7 @@ class Workshop(Data):
         diagram = model.diagram
         return self._edits.of(diagram, lambda: insertions(diagram, self.kinds, self.catalogue))
 
-    def _edited(
+    def _fit_edit(
         self, model: Model, insertion: Insertion, *, quick: Sequence[Values]
     ) -> Model | None:
         """A model with an edit, refitted from its own and from nominal values with finite strengths
@@ -140,23 +140,25 @@ class Workshop(Data):
         quick : from these values alone, without further draws.
         """
         changed = replace(model, diagram=insertion.diagram, edits=(*model.edits, insertion))
-        starts = strengths(insertion, quick or (model.refit.values, {}))
-        return self._refitted(changed, starts, draws=0 if quick else TRIAL_DRAWS, spread=0.5)
+        starts = start_values(insertion, quick or (model.refit.values, {}))
+        return self._refit_model(changed, starts, draws=0 if quick else TRIAL_DRAWS, spread=0.5)
 
-    def _glanced(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
+    def _screen_edit(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
         """A model with an edit, after a few steps; what a refit finds is no worse.
 
         near : from its own values alone, of a model that fits already; else from nominal ones too.
         """
-        starts = strengths(insertion, (model.refit.values,) if near else (model.refit.values, {}))
-        refit = self.refitter(model.convention).glance(insertion.diagram, starts, near=near)
+        starts = start_values(
+            insertion, (model.refit.values,) if near else (model.refit.values, {})
+        )
+        refit = self.refitter(model.convention).screen(insertion.diagram, starts, near=near)
         if refit is None:
             return None
         return replace(
             model, diagram=insertion.diagram, refit=refit, edits=(*model.edits, insertion)
         )
 
-    def read_otherwise(self, model: Model, enough: float) -> Iterator[Model]:
+    def fit_other_conventions(self, model: Model, enough: float) -> Iterator[Model]:
         """A model on the data as they read in other conventions, refitted where a glance speaks for
         one.
 
@@ -169,22 +171,28 @@ class Workshop(Data):
         by_noise = measured_numbers(self.noise.sweep.points)
         frequencies = [one for one in self._conventions if one.frequency]
         for convention in frequencies if model.convention == Convention() else ():
-            if self._glanced_in(model, convention) <= HOPELESS * by_noise:
-                yield from (one for one in self._in(model, convention, 0) if one.adequate())
+            if self._screen_convention(model, convention) <= HOPELESS * by_noise:
+                yield from (
+                    one
+                    for one in self._fit_in_convention(model, convention, 0)
+                    if one.is_adequate()
+                )
         glances = [
-            (self._glanced_in(model, one), one) for one in self._conventions if not one.frequency
+            (self._screen_convention(model, one), one)
+            for one in self._conventions
+            if not one.frequency
         ]
         for cost, convention in sorted(glances, key=lambda pair: pair[0])[:READ_OTHERWISE]:
             if cost <= HOPELESS * enough:
-                yield from self._in(model, convention, 0)
+                yield from self._fit_in_convention(model, convention, 0)
         for label in LABELS if model.convention == Convention() else ():
-            value = self._label(model, label, enough, Convention())
+            value = self._fit_label_value(model, label, enough, Convention())
             for number, extra in () if value is None else usual_first(label, value):
-                yield from self._in(model, Convention.of(label, number), extra)
+                yield from self._fit_in_convention(model, Convention.of(label, number), extra)
         if model.convention == Convention():
-            yield from self._in_turned_frames(model, enough)
+            yield from self._fit_in_rotated_frames(model, enough)
 
-    def ports(
+    def compute_port_map(
         self, given: Model, steps: list[str], repaired: Model | None = None
     ) -> tuple[PortFit, ...]:
         """The port map at the frequencies that all operating points share; empty where there are
@@ -212,7 +220,7 @@ class Workshop(Data):
         fits = port_map(given.diagram, kinds, looked_at, prior, starts, look=repaired is not None)
         self.budget.spend(len(fits))
         names = [one.port.name for one in fits if one.adequate][:MAPPED]
-        if repaired is not None or not names or _size(few) == _size(points):
+        if repaired is not None or not names or _frequency_count(few) == _frequency_count(points):
             return fits
         whole = replace(sweep, points=points)  # what a few of the data allow all of them must
         starts = [one.values for one in fits if one.port.name in names]
@@ -225,40 +233,42 @@ class Workshop(Data):
         """Those without a number to be fitted that the first look at the data leaves."""
         return tuple(written_otherwise(self.noise.sweep))
 
-    def held_out(self, model: Model) -> HeldOut:
+    def cross_validate(self, model: Model) -> ValidationErrors:
         """Errors where a model was not fitted."""
-        return held_out(self.refitter(model.convention), self.noise, model)
+        return cross_validate(self.refitter(model.convention), self.noise, model)
 
-    def _glanced_in(self, model: Model, convention: Convention) -> float:
+    def _screen_convention(self, model: Model, convention: Convention) -> float:
         self.budget.spend()
-        refit = self.refitter(convention).glance(model.diagram, (model.refit.values, {}))
+        refit = self.refitter(convention).screen(model.diagram, (model.refit.values, {}))
         return np.inf if refit is None else refit.cost
 
-    def _in(self, model: Model, convention: Convention, extra: int) -> Iterator[Model]:
+    def _fit_in_convention(
+        self, model: Model, convention: Convention, extra: int
+    ) -> Iterator[Model]:
         other = replace(
             model,
             convention=convention,
             edits=(*model.edits, convention),
             extra=model.extra + extra,
         )
-        found = self.refitted(other, [model.refit.values, {}], draws=TRIAL_DRAWS)
+        found = self.refit_model(other, [model.refit.values, {}], draws=TRIAL_DRAWS)
         if found is not None:
             yield found
 
-    def _in_turned_frames(self, model: Model, enough: float) -> Iterator[Model]:
+    def _fit_in_rotated_frames(self, model: Model, enough: float) -> Iterator[Model]:
         """A model on the data of a frame turned beyond what is called misaligned, and of one that
         is turned by another angle at each operating point. So many angles take up a part of
         whatever is missing: they must explain all by themselves.
         """
         for sector in SECTORS:
-            value = self._label(model, FRAME, enough, read_in=Convention(angle=sector))
+            value = self._fit_label_value(model, FRAME, enough, read_in=Convention(angle=sector))
             angle = 0.0 if value is None else half_turn(sector + value)
             if abs(angle) > MISALIGNED:
-                yield from self._in(model, Convention(angle=angle), 1)
+                yield from self._fit_in_convention(model, Convention(angle=angle), 1)
         names = self.noise.sweep.names
         by_noise = measured_numbers(self.noise.sweep.points)
         refit = (
-            self._labelled(model, ROTATION, min(enough, by_noise), Convention())
+            self._fit_with_free_label(model, ROTATION, min(enough, by_noise), Convention())
             if len(names) > 1
             else None
         )
@@ -270,20 +280,24 @@ class Workshop(Data):
             ]
             yield from (
                 one
-                for one in self._in(model, Convention(angles=tuple(angles)), len(angles))
-                if one.adequate()
+                for one in self._fit_in_convention(
+                    model, Convention(angles=tuple(angles)), len(angles)
+                )
+                if one.is_adequate()
             )
 
-    def _label(self, model: Model, label: str, enough: float, read_in: Convention) -> float | None:
+    def _fit_label_value(
+        self, model: Model, label: str, enough: float, read_in: Convention
+    ) -> float | None:
         """The number of a doubted label at which a model fits best, beside its parameters; None
         where a glance is hopeless.
         """
-        refit = self._labelled(model, label, enough, read_in)
+        refit = self._fit_with_free_label(model, label, enough, read_in)
         return None if refit is None else refit.values[f"{LABEL}.{label}"]
 
-    def _labelled(
+    def _fit_with_free_label(
         self, model: Model, label: str, enough: float, read_in: Convention
-    ) -> Refit | None:
+    ) -> SweepFit | None:
         """A model with a doubted label free, on the data as they read in a convention; None where a
         glance is hopeless.
         """
@@ -295,14 +309,14 @@ class Workshop(Data):
         ]
         refitter = self.refitter(read_in)
         self.budget.spend()
-        glance = refitter.glance(labelled, starts)
+        glance = refitter.screen(labelled, starts)
         if glance is None or glance.cost > HOPELESS * enough:
             return None
         self.budget.spend()
-        return refitter.refit(labelled, [glance.values])
+        return refitter.fit(labelled, [glance.values])
 
 
-def strengths(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:
+def start_values(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str, float]]:
     """Values of a model with each of the finite strengths of an effect."""
     length = max((len(bank) for bank in insertion.parameters.values()), default=1)
     banks = [
@@ -312,5 +326,5 @@ def strengths(insertion: Insertion, origins: Sequence[Values]) -> list[dict[str,
     return [{**values, **bank} for bank in banks for values in origins]
 
 
-def _size(points: Sequence[PointSweep]) -> int:
+def _frequency_count(points: Sequence[PointSweep]) -> int:
     return sum(len(point.frequency) for point in points)

@@ -14,7 +14,7 @@ from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.gap.answers.result import Gap
-from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep
 from ibrid.report.figures.bode import Curves, draw_bode, line_frequency
@@ -99,7 +99,7 @@ def point_views(gap: Gap) -> tuple[PointView, ...]:
     """Every operating point of the data, those with the worst located misfit first, then the others
     in their order.
     """
-    noise = noise_of(gap.sweep, gap.noise_level)
+    noise = estimate_noise(gap.sweep, gap.noise_level)
     names = noise.sweep.names
     worst = [one.place[0] for one in gap.located if one.place[0] in names]
     return tuple(

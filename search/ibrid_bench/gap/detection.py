@@ -18,7 +18,7 @@ from ibrid_bench.hidden.program import BlockDiagram, block_diagram
 from ibrid.errors import IbridError
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.refitting.prior import prior_of
-from ibrid.gap.refitting.refit import Refitter
+from ibrid.gap.refitting.refit import SweepFitter
 from ibrid.measurement.sweeps.noise import of_norm
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
@@ -41,7 +41,7 @@ STARTS = 2 * (2 + DRAWS) + 1
 class Visibility:
     """How far the best refit without an effect is from the truth.
 
-    `gain` : in cost. `pull` : the prior's part of it.
+    `gain` : in cost. `penalty_terms` : the prior's part of it.
     """
 
     gain: float
@@ -111,18 +111,20 @@ def _visibility(
     wiring = wire(diagram, VOCABULARY)
     believed = {name: value for name, value in case.values.items() if name in model.values}
     prior = prior_of(believed, wiring, parameter_table(wiring, "exact"))
-    refitter = Refitter(Noise(exact, True, "the noise of the measurement"), VOCABULARY, prior, seed)
+    refitter = SweepFitter(
+        Noise(exact, True, "the noise of the measurement"), VOCABULARY, prior, seed
+    )
     best = None
     starts = [dict(model.values), believed]
     for spread in SPREADS:
-        found = refitter.refit(diagram, starts, draws=DRAWS, spread=spread)
+        found = refitter.fit(diagram, starts, draws=DRAWS, spread=spread)
         if found is not None and (best is None or found.cost < best.cost):
             best = found
             starts = [best.values, *starts]
     if best is None:
         return Visibility(float("inf"), 0.0, change)
     true = {name: value for name, value in model.values.items() if name in true_names}
-    expected = refitter.at_values(
+    expected = refitter.evaluate_values(
         diagram, true
     ).penalty  # what the device lacks stands at its nominal value
     return Visibility(best.cost - expected, best.penalty - expected, change)

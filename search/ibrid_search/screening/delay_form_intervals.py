@@ -11,7 +11,7 @@ from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
-from ibrid.gap.trials.delay_forms import over_forms
+from ibrid.gap.trials.delay_forms import unite_intervals
 from ibrid.parts.plant.delay_form import delay_forms
 from ibrid.study import Study
 from ibrid_search.screening.candidate_edits import list_delay_form_edits
@@ -65,7 +65,7 @@ def widen_over_delay_forms(record: Record, study: Study, floor: NoiseFloor) -> R
         f"the form of the device's delays is not identifiable ({', '.join(forms)} fit equally "
         "well): the intervals hold for all of these"
     )
-    intervals = over_forms(record.intervals, [form.intervals for form in equivalents])
+    intervals = unite_intervals(record.intervals, [form.intervals for form in equivalents])
     return replace(record, intervals=intervals, identifiability=(*record.identifiability, sentence))
 
 

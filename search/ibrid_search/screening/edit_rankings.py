@@ -11,9 +11,9 @@ from itertools import islice
 from math import inf, isfinite, log
 
 from ibrid.errors import IbridError
-from ibrid.gap.ports.missing_transfer import measured
+from ibrid.gap.ports.missing_transfer import measure_transfer
 from ibrid.gap.ports.port_map import PortFit, port_map
-from ibrid.gap.refitting.noise import noise_of
+from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.measurement.sweeps.amplitudes import coarse
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import program_text
@@ -201,7 +201,7 @@ class EditRankings:
         points and frequencies.
         """
         kinds = self.study.kinds
-        noise = noise_of(self.study.fitted)
+        noise = estimate_noise(self.study.fitted)
         points = coarse(
             noise.sweep.points, SCREENING.max_operating_points, SCREENING.max_frequencies
         )
@@ -214,7 +214,9 @@ class EditRankings:
         chi2_per_dof = (parent.record.misfit or {}).get("chi2_per_dof") or 0.0
         for fit in port_fits[: SCREENING.reported_ports]:
             if fit.chi2_per_dof < SCREENING.explained_share * chi2_per_dof:
-                transfer, deviation = measured(fit, kinds, noise, fit.values, 1.0 + fit.transfer)
+                transfer, deviation = measure_transfer(
+                    fit, kinds, noise, fit.values, 1.0 + fit.transfer
+                )
                 yield replace(fit, transfer=transfer, deviation=deviation)
 
     def removal_loss(self, parent: Evaluated, reduced: Diagram) -> float:

@@ -13,10 +13,10 @@ from math import inf, sqrt
 from ibrid.fit.anchor import Decades
 from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
-from ibrid.gap.recordings.event_misfit import Descending
-from ibrid.gap.recordings.event_question import asked_of
-from ibrid.gap.recordings.joint_fit import near_typical
-from ibrid.gap.recordings.limit_race import ahead
+from ibrid.gap.recordings.event_misfit import EventDescent
+from ibrid.gap.recordings.event_question import event_problem_of_study
+from ibrid.gap.recordings.joint_fit import limit_to_decade
+from ibrid.gap.recordings.limit_race import rank_entrants
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid_search.screening.candidate_edits import CandidateEdit
@@ -32,7 +32,7 @@ from ibrid_search.screening.selection_criterion import SelectionCriterion
 from ibrid_search.screening.settings import SCREENING
 
 #: A candidate with its descent on the recordings.
-Entrant = tuple[CandidateEdit, Descending]
+Entrant = tuple[CandidateEdit, EventDescent]
 
 
 class EventEditScreener(EditScreener):
@@ -107,20 +107,20 @@ class EventEditScreener(EditScreener):
         for rung in SCREENING.rungs:
             advanced: list[Entrant] = []
             for edit, descent in entrants:
-                further = _descend_or_none(partial(descent.go, rung.rounds, rung.steps))
+                further = _descend_or_none(partial(descent.run, rung.rounds, rung.steps))
                 if further is not None:
                     advanced.append((edit, further))
-            entrants = ahead(advanced, rung.survivors)
+            entrants = rank_entrants(advanced, rung.survivors)
         return rank_fits(self._screening_fit(edit, descent) for edit, descent in entrants)
 
-    def _begin_descent(self, fit: ScreeningFit) -> Descending:
+    def _begin_descent(self, fit: ScreeningFit) -> EventDescent:
         """Begin the descent of a screening fit on the recordings, at coarse time steps."""
-        question = asked_of(fit.edit.diagram, self.study)
-        fitter = near_typical(question, {}, sampled=False).fitter
+        question = event_problem_of_study(fit.edit.diagram, self.study)
+        fitter = limit_to_decade(question, {}, sampled=False).fitter
         misfit = fitter.misfit(question.diagram, ()).coarse
-        return misfit.begun(misfit.beliefs.start(fit.values[0]))
+        return misfit.start_descent(misfit.parameter_prior.start(fit.values[0]))
 
-    def _screening_fit(self, edit: CandidateEdit, descent: Descending) -> ScreeningFit:
+    def _screening_fit(self, edit: CandidateEdit, descent: EventDescent) -> ScreeningFit:
         """Return the result of a descent on the recordings, its error on the scale of the run."""
         residual_over_noise = sqrt(descent.cost / descent.misfit.count)
         error = residual_over_noise * self.criterion.floor.level
@@ -131,7 +131,7 @@ class EventEditScreener(EditScreener):
         return ScreeningFit(edit, error, free_parameters, score, values)
 
 
-def _descend_or_none(descend: Callable[[], Descending]) -> Descending | None:
+def _descend_or_none(descend: Callable[[], EventDescent]) -> EventDescent | None:
     """Return the result of a descent; None where the diagram has no system matrices or no steady
     state, or where a user's module fails.
     """

@@ -15,8 +15,8 @@ from ibrid.analysis.models.prediction import predict
 from ibrid.errors import IbridError
 from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.record import Record
-from ibrid.gap.recordings.event_question import asked
-from ibrid.gap.recordings.joint_fit import weighed_by_events
+from ibrid.gap.recordings.event_question import build_event_problem
+from ibrid.gap.recordings.joint_fit import fit_and_score
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.kind import ModuleKind
@@ -167,7 +167,9 @@ def judged_by_events(
     judged = []
     for step in steps:
         try:
-            record, bic = weighed_by_events(asked(record_of(step), study, None, events, {}))
+            record, bic = fit_and_score(
+                build_event_problem(record_of(step), study, None, events, {})
+            )
         except IbridError:
             continue
         if allowed(record):

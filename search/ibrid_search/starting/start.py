@@ -11,8 +11,8 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FIT_EFFORTS, FitSettings, require_one_of
-from ibrid.gap.recordings.event_question import asked
-from ibrid.gap.recordings.joint_fit import evaluate_records, weighed_by_events
+from ibrid.gap.recordings.event_question import build_event_problem
+from ibrid.gap.recordings.joint_fit import evaluate_records, fit_and_score
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.positive_sequence import NOTE
 from ibrid.measurement.quality.event_inspection import inspect_events
@@ -361,7 +361,7 @@ def _fit_to_both(fit: DiagramFit, study: Study, events: Events) -> DiagramFit:
     if fit.record is None:
         return fit
     try:
-        record, bic = weighed_by_events(asked(fit.record, study, None, events, {}))
+        record, bic = fit_and_score(build_event_problem(fit.record, study, None, events, {}))
     except IbridError:
         return fit
     nrmse = fit.nrmse if record.nrmse is None else record.nrmse
