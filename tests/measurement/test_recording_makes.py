@@ -100,49 +100,6 @@ def test_pscad_without_a_description_says_which_file_to_copy(tmp_path):
         ibrid.read_events(tmp_path / "run_01.out", base="10MVA,20kV")
 
 
-PSOUT = '''"""A stand-in for the package of PSCAD's makers: two runs of names, times and values."""
-import json
-class Call:
-    def __init__(self, said, parent=None): self.said, self.parent = said, parent
-    def variables(self): return self.said
-class Trace:
-    def __init__(self, name, unit, data, time):
-        root = Call({"Name": "Root"}); group = Call({"Name": name, "Unit": unit}, root)
-        self.call, self.data = Call({"Name": "0"}, group), data
-        self.domain = None if time is None else Trace("time", "s", time, None)
-    def variables(self): return {}
-class File:
-    def __init__(self, path): self.held = json.load(open(path))
-    def __enter__(self): return self
-    def __exit__(self, *error): pass
-    def run(self, number): return self
-    def traces(self): return [Trace(n, u, d, self.held["time"]) for n, u, d in self.held["traces"]]
-'''
-
-
-def test_psout_is_read_by_the_package_of_its_makers_where_it_is_there(tmp_path, monkeypatch):
-    import json
-
-    from recording_makes import six
-
-    time, values = six()
-    names = ("Va", "Vb", "Vc", "Ia", "Ib", "Ic")
-    traces = [
-        (name, "kV" if name[0] == "V" else "kA", list(one / 1e3))
-        for name, one in zip(names, values, strict=True)
-    ]
-    (tmp_path / "run.psout").write_text(
-        json.dumps({"time": list(time), "traces": [*traces, ("speed", "", list(time))]})
-    )
-    with pytest.raises(ibrid.IbridError, match="pip install mhi-psout"):
-        ibrid.read_events(tmp_path / "run.psout", base="10MVA,20kV")
-    (tmp_path / "mhi" / "psout").mkdir(parents=True)
-    (tmp_path / "mhi" / "psout" / "__init__.py").write_text(PSOUT)
-    monkeypatch.syspath_prepend(str(tmp_path))
-    (record,) = ibrid.read_events(tmp_path / "run.psout", base="10MVA,20kV").records
-    assert abs(record.rest.p - P) < 1e-6 > abs(record.rest.q - Q)
-
-
 def test_archives_and_compressed_files_that_are_none_are_one_sentence(tmp_path, capsys):
     for name, content, sentence in (
         ("a.zip", b"PK\3\4 and no more", "must be a zip archive; it cannot be read"),

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.errors import some
 from ibrid.measurement.importing.timed.signal_names import signal_of
 
-#: Under which the names of signals stand that are sampled at other times than the first.
-LEFT_OUT = "\0left out"
+#: Under which the sentences about what was not read stand.
+REMARKS = "\0remarks"
 #: Names of calls that say nothing of a signal.
 _PLAIN = ("", "data", "pgb:data", "record", "root", "main")
 
@@ -32,21 +33,21 @@ def psout_arrays(content: bytes) -> dict[str, np.ndarray]:
         path = Path(folder) / "run.psout"
         path.write_bytes(content)
         with psout.File(str(path)) as file:
-            return _arrays(file.run(0))
+            runs = getattr(file, "num_runs", 1)
+            return _arrays(file.run(0), runs)
 
 
-def _arrays(run: Any) -> dict[str, np.ndarray]:
+def _arrays(run: Any, runs: int) -> dict[str, np.ndarray]:
     arrays: dict[str, np.ndarray] = {}
     time = np.zeros(0)
     left_out: list[str] = []
     for trace in run.traces():
         domain = getattr(trace, "domain", None)
         name, unit = _described(trace)
-        if domain is None or not (
-            signal_of(f"{name} [{unit}]").quantity or signal_of(name).quantity
-        ):
+        if domain is None or not _is_known(name, unit) or (size := _seconds(domain)) is None:
             continue
-        data, instants = np.asarray(trace.data, dtype=float), np.asarray(domain.data, dtype=float)
+        data = np.asarray(trace.data, dtype=float)
+        instants = size * np.asarray(domain.data, dtype=float)
         if not len(time):
             time = instants
         if len(data) == len(time) == len(instants) and np.array_equal(instants, time):
@@ -56,8 +57,27 @@ def _arrays(run: Any) -> dict[str, np.ndarray]:
             left_out.append(name)
     if not arrays:
         raise ValueError("it holds no signal that is called as a voltage, a current or a power")
-    said = {LEFT_OUT: np.array(left_out, dtype=str)} if left_out else {}
+    remarks = []
+    if left_out:
+        remarks.append(f"signals at other times than the first are left out: {some(left_out)}")
+    if runs > 1:
+        remarks.append(f"the first of its {runs} runs is read, the others are not")
+    said = {REMARKS: np.array(remarks, dtype=str)} if remarks else {}
     return {"time [s]": time, **arrays, **said}
+
+
+def _seconds(domain: Any) -> float | None:
+    """The size of its unit in s; None where it is a frequency, over which spectra stand."""
+    name, unit = _described(domain)
+    signal = signal_of(f"{name} [{unit}]")
+    if signal.quantity == "f" or signal.dimension == "frequency":
+        return None
+    return signal.factor if signal.dimension == "time" else 1.0
+
+
+def _is_known(name: str, unit: str) -> bool:
+    """Whether a signal is called as a voltage, a current or a power."""
+    return bool(signal_of(f"{name} [{unit}]").quantity or signal_of(name).quantity)
 
 
 def _described(trace: Any) -> tuple[str, str]:

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from ibrid.errors import SweepError, some
+from ibrid.errors import SweepError
 from ibrid.measurement.formats import bundle
 from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.guarded import guarded
-from ibrid.measurement.importing.binary.psout_file import LEFT_OUT, psout_arrays
+from ibrid.measurement.importing.binary.psout_file import REMARKS, psout_arrays
 from ibrid.measurement.importing.foreign_table import ForeignTable, array_table
 from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
 from ibrid.measurement.importing.table_files import read_tables
@@ -28,10 +28,9 @@ def recording_tables(path: Path, form: NumberFormat = UNSAID) -> list[ForeignTab
         return [pscad_table(path)]
     if bundle.suffix_of(path) == PSOUT:
         arrays = guarded(psout_arrays, read_bytes(path), f"{path} must be output of PSCAD")
-        left_out = arrays.pop(LEFT_OUT, np.zeros(0, dtype=str)).tolist()
+        remarks = arrays.pop(REMARKS, np.zeros(0, dtype=str)).tolist()
         table = array_table(arrays, str(path), bundle.stem_of(path))
-        words = f"signals at other times than the first are left out: {some(left_out)}"
-        return [replace(table, remarks=(*table.remarks, *[words] * bool(left_out)))]
+        return [replace(table, remarks=(*table.remarks, *remarks))]
     tables = read_tables(path, form=form)
     one = scope_table(tables) if len(tables) > 1 else timeseries_table(tables[0])
     return tables if one is None else [one]

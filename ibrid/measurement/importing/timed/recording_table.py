@@ -19,8 +19,6 @@ from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
 from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
 from ibrid.measurement.recordings.event_samples import Samples
 
-#: What a remark on the table says of the samples.
-_OF_SAMPLES = ("cut off", "are left out", "decimal mark", "formatted in percent")
 #: What a column in % measures, and its size.
 _PERCENT = ("per unit", 0.01)
 #: Times beyond this, s, are of a clock: the record begins at zero.
@@ -83,8 +81,7 @@ def recording_of(
         for role, column in columns.items()
     }
     time, remarks = _times(table, names[family.columns["t"].place], family.columns["t"])
-    said = [one for one in table.remarks if any(words in one for words in _OF_SAMPLES)]
-    remarks = (*said, *remarks)
+    remarks = (*table.remarks, *remarks)
     unit = _unit(table, family, names, header)
     if not unit and family.kind not in _INSTANTANEOUS:
         size = next(value for role, value in values.items() if role[0] == "v")
