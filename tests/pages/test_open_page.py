@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from fitted import benchmark, evaluated
 from ibrid_search.opening.open_device import MODEL, RECORD
-from ibrid_search.opening.page import PAGE, write_page
+from ibrid_search.opening.page import PAGE, RECORDINGS, write_page
 from ibrid_search.opening.predicting import prediction_error
 from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory
 from jsonschema import Draft202012Validator
@@ -33,6 +33,7 @@ def a_story(folder: Path) -> OpeningStory:
     )
     events = record_events(PLANTS["paper_like"], [operating_point(OP)], [event_of("dip:0.9")])
     write_events(events, folder / "e.csv")
+    write_events(events, folder / RECORDINGS)
     fitted = {"answer": answer.program, "grade": answer.grade, "nrmse": answer.nrmse}
     first = DeviceExperiment(
         "sweep",

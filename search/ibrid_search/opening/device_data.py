@@ -63,15 +63,19 @@ def data_of(
     for point in (point for sweep in sweeps for point in sweep.points):
         name = _unused(point.op.name, [earlier.op.name for earlier in points])
         points.append(replace(_doubted(point, step_s), op=replace(point.op, name=name)))
-    recordings = [read_events(folder / event.file) for event in done if event.kind == "event"]
+    recorded = [folder / event.file for event in done if event.kind == "event"]
+    whole = replace(sweeps[0], points=tuple(points), notes=())
+    return whole, joined_events(recorded) if recorded else None
+
+
+def joined_events(files: Sequence[Path]) -> Events:
+    """Join the records of one or more files."""
+    recordings = [read_events(file) for file in files]
     records: list[EventRecord] = []
     for record in (record for events in recordings for record in events.records):
         name = _unused(record.name, [earlier.name for earlier in records])
         records.append(_renamed(record, name))
-    return (
-        replace(sweeps[0], points=tuple(points), notes=()),
-        replace(recordings[0], records=tuple(records), notes=()) if recordings else None,
-    )
+    return replace(recordings[0], records=tuple(records), notes=())
 
 
 def _doubted(point: PointSweep, step_s: float) -> PointSweep:

@@ -15,14 +15,15 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.settings import require_one_of
 from ibrid.gap.workflow import find_gap
 from ibrid.interrupts import hearing_interrupts
+from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.read_events import read_events
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.own_files import also_reading, writing_as
 from ibrid.telling import Tell
 from ibrid.writing import inside, require_folder, write_whole
-from ibrid_search.opening.device_data import data_of, measured
-from ibrid_search.opening.page import PAGE, write_page
+from ibrid_search.opening.device_data import data_of, joined_events, measured
+from ibrid_search.opening.page import PAGE, RECORDINGS, write_page
 from ibrid_search.opening.planning import COARSE, coarse, deep_dip, held_out, ranked_first
 from ibrid_search.opening.predicting import played_error, prediction_error
 from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory, digest_of, read_story
@@ -39,7 +40,7 @@ SEARCHES = 3
 #: Error in a deep dip above which something acts that the sweep does not show.
 MISSED = 0.05
 MODEL, RECORD = "model.py", "model.json"
-FILES = (STORY, MODEL, RECORD, PAGE)
+FILES = (STORY, MODEL, RECORD, PAGE, RECORDINGS)
 EXPLAINED = "explains"
 
 
@@ -295,9 +296,19 @@ class _Opening:
             earlier = measured_before.get(name, {})
             predicted = self._predicted(answer, experiment, name, earlier)
             self._tell_story(replace(self.story, held_out={**self.story.held_out, name: predicted}))
+        self._write_recordings()
         sweep, _ = self._data()
         write_page(self.story, answer, sweep, self.folder)
         return self.story
+
+    def _write_recordings(self) -> None:
+        """Write all recordings, the held-out ones too, as one file for other commands."""
+        kept = [experiment for experiment in self.story.experiments if experiment.kind == "event"]
+        names = [experiment.file for experiment in kept if experiment.file]
+        names += [self.story.held_out[name].get("file", "") for name in ("event", "step")]
+        files = [self.folder / name for name in filter(None, names)]
+        if files:
+            write_events(joined_events(files), inside(self.folder, RECORDINGS))
 
     def _predicted(
         self,

@@ -14,7 +14,7 @@ from ibrid.writing import inside, write_whole
 from ibrid_search.opening.predicting import prediction_figures
 from ibrid_search.opening.story import OpeningStory
 
-PAGE = "report.html"
+PAGE, RECORDINGS = "report.html", "events.csv"
 
 
 def write_page(story: OpeningStory, answer: Record, sweep: Sweep, folder: Path) -> None:
@@ -76,8 +76,8 @@ def _exports(story: OpeningStory, answer: Record, folder: Path) -> Sequence[tupl
             ["ibrid", "stability", record, "--scr", "1.5:10", "--report", page_of_grids],
         ),
     ]
-    if "file" in story.held_out.get("event", {}):
-        events = str(folder / story.held_out["event"]["file"])
-        words = "the generic planning model (REGC_A, REEC_A) nearest to it in an event, as a .dyr"
+    if (folder / RECORDINGS).is_file():
+        events = str(folder / RECORDINGS)
+        words = "the generic planning model (REGC_A, REEC_A) nearest to the recordings, as a .dyr"
         commands.append((words, ["ibrid", "generic", events, "--out", str(folder / "generic")]))
     return [(words, shlex.join(command)) for words, command in commands]
