@@ -5,14 +5,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 from collecting import each_of
-from fitted import measured
+from fitted import benchmark, evaluated, measured
 from ibrid_search.opening import planning
 from ibrid_search.opening.device_data import INTEGRATED, data_of
 from ibrid_search.opening.planning import coarse, frequencies_for, held_out
 from ibrid_search.opening.story import DeviceExperiment
-from ibrid_search.opening.structures import Structures
+from ibrid_search.opening.structures import Structures, refitted
 from scipy.interpolate import CubicSpline
 
+import ibrid
 from ibrid.analysis.new_data.experiments import Experiment
 from ibrid.devices import DeviceFile
 from ibrid.devices.device_file import device_of
@@ -137,3 +138,17 @@ def test_an_experiment_that_was_made_is_not_made_again(
     done.append(plan.experiment)
     plan = planning.ranked_first(device(tmp_path), known, done, ("p=0.8,q=0",), 1.0)
     assert plan.ending == "every experiment among those that are ranked was made"
+
+
+@pytest.mark.slow
+def test_a_structure_that_new_data_exclude_is_ruled_out():
+    """A grid-following inverter with a filtered PLL, and the diagram without that filter."""
+    sweep = ibrid.add_noise(benchmark(), 60.0, rng=np.random.default_rng(0))
+    names = ("a" * 32, "b" * 32)
+    records = tuple(evaluated(name, restarts=0) for name in ("gfl_exact", "gfl_pll_filter_exact"))
+    fitted: list[str] = []
+    left = refitted(Structures(names, records), sweep, None, fitted.append)
+    assert fitted == ["aaaaaaaa", "bbbbbbbb"]
+    assert left.names == ("b" * 32,)
+    assert left.ruled_out == ("aaaaaaaa: odds of more than 1e+06 to 1 against it",)
+    assert left.answer.grade == "explains"

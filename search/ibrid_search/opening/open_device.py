@@ -29,7 +29,6 @@ from ibrid_search.opening.predicting import played_error, prediction_error
 from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory, digest_of, read_story
 from ibrid_search.opening.structures import Structures, differences, refitted, searched
 from ibrid_search.run.run_folder import require_no_run
-from ibrid_search.starting.start import start
 
 #: Evaluations of a search, by effort.
 EVALUATIONS = {"low": 30, "normal": 100, "high": 400}
@@ -180,17 +179,9 @@ class _Opening:
         replace(story, experiments=(*story.experiments, *rest)).write(self.folder)
 
     def _identified(self) -> Structures:
-        """The first answer, and what the first look and the search ruled out."""
-        sweep, _ = self._data()
-        self._heard("identification", "first look", 0.0)
-        first = start(sweep, tell=lambda words, share: None, seed=self.seed, effort=self.effort)
+        """The first answer, and what the search ruled out."""
         known = self._searched()
-        excluded = [
-            f"{fit.diagram}: {fit.grade}, NRMSE {fit.nrmse:.2g}"
-            for fit in first.ranked
-            if fit.grade == "fails"
-        ]
-        self._learned(known, excluded)
+        self._learned(known, known.ruled_out)
         return known
 
     def _data(self) -> tuple[Sweep, Events | None]:

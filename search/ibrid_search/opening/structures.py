@@ -24,6 +24,7 @@ from ibrid.frozen import Frozen
 from ibrid.gap.recordings.event_question import asked
 from ibrid.gap.recordings.joint_fit import weighed_by_events
 from ibrid.measurement.recordings.events import Events
+from ibrid.measurement.sweeps.quantities import counted
 from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
 from ibrid.writing import inside
 from ibrid_search.recursion.progress import Progress, Snapshot
@@ -100,19 +101,31 @@ def searched(
     if not run.finished:
         raise KeyboardInterrupt
     fits = {}
+    shipped = {}
     with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
         for step in filter(eligible, store.steps()):
             record = store.record(step.number)
-            if not find_impossible_values(record):
-                name = str(step.hash)
-                fits[name] = _fit_to_sweep(name, record, sweep)
+            name = str(step.hash)
+            if find_impossible_values(record):
+                continue
+            fits[name] = _fit_to_sweep(name, record, sweep)
+            if step.proposer == "shipped":
+                shipped[name] = record.diagram.name.removeprefix("build_")
     if not fits:
         raise IbridError(
             f"{folder}: no diagram is valid for these measurements; look at them with ibrid inspect"
         )
     left, lost = _weighed(list(fits.values()))
-    others = f"{lost[0]}; {len(lost) - 1} more of the search are less likely" if lost else ""
-    return Structures(left.names[: MOST + 1], left.records[: MOST + 1], (others,) if others else ())
+    ruled_out = [
+        f"{shipped[fit.name]}: {fit.record.grade}, NRMSE {fit.record.nrmse:.2g}"
+        for fit in lost
+        if fit.name in shipped
+    ]
+    others = len(lost) - len(ruled_out)
+    if others:
+        sentence = f"odds of more than {EQUALLY_GOOD.odds:g} to 1 against each"
+        ruled_out.append(f"{counted(others, 'other structure')} of the search: {sentence}")
+    return _structures(left[: MOST + 1], ruled_out)
 
 
 def refitted(
@@ -130,7 +143,8 @@ def refitted(
     if not fits:
         return known
     left, lost = _weighed(fits)
-    return Structures(left.names, left.records, (*restless, *lost))
+    best = min(left, key=lambda fit: fit.information)
+    return _structures(left, [*restless, *(_odds_against(fit, best) for fit in lost)])
 
 
 def differences(before: Sequence[str], after: Sequence[str]) -> tuple[str, ...]:
@@ -165,20 +179,30 @@ def _issues(record: Record) -> int:
     return count_issues(record.diagram, record, record.vocabulary).total
 
 
-def _weighed(fits: Sequence[_Fit]) -> tuple[Structures, list[str]]:
-    """What is left, the answer first, and what was ruled out."""
-    ranked = sorted(fits, key=lambda fit: fit.information)
-    best = ranked[0]
-    scale = max(best.record.over_noise or 1.0, 1.0) ** 2
-    lost = []
-    left = []
-    for fit in ranked:
-        against = (fit.information - best.information) / scale / 2
-        if against <= log(EQUALLY_GOOD.odds):
-            left.append(fit)
-            continue
-        odds = f"more than {_CERTAIN:.0e}" if against > log(_CERTAIN) else f"{exp(against):.0f}"
-        lost.append(f"{short_name(fit.name)}: odds of {odds} to 1 against it")
+def _weighed(fits: Sequence[_Fit]) -> tuple[list[_Fit], list[_Fit]]:
+    """Those that are left, the answer first, and those that are ruled out."""
+    best = min(fits, key=lambda fit: fit.information)
+    left = [fit for fit in fits if _log_odds(fit, best) <= log(EQUALLY_GOOD.odds)]
+    lost = [fit for fit in fits if fit not in left]
     left.sort(key=lambda fit: (fit.issues, fit.information))
-    names = tuple(fit.name for fit in left)
-    return Structures(names, tuple(fit.record for fit in left)), lost
+    lost.sort(key=lambda fit: fit.information)
+    return left, lost
+
+
+def _log_odds(fit: _Fit, best: _Fit) -> float:
+    """Logarithm of the odds against a fit."""
+    scale = max(best.record.over_noise or 1.0, 1.0) ** 2
+    return (fit.information - best.information) / scale / 2
+
+
+def _odds_against(fit: _Fit, best: _Fit) -> str:
+    """The odds against a fit, a sentence."""
+    against = _log_odds(fit, best)
+    odds = f"more than {_CERTAIN:.0e}" if against > log(_CERTAIN) else f"{exp(against):.0f}"
+    return f"{short_name(fit.name)}: odds of {odds} to 1 against it"
+
+
+def _structures(fits: Sequence[_Fit], ruled_out: Sequence[str]) -> Structures:
+    return Structures(
+        tuple(fit.name for fit in fits), tuple(fit.record for fit in fits), tuple(ruled_out)
+    )
