@@ -1,14 +1,14 @@
 """Kinds of data in which a gap is sought.
 
-The workflow (`workflow`, `repair`) is one: fit the given model, see where it misses, try every
-edit, weigh, go on from the best. What it asks, a kind of data answers:
+`workflow` and `repair` are the same for all: fit the given model, locate the misfit, fit every edit,
+rank, and go on from the best. A subclass of `Dataset` answers for one kind of data:
 
-- a small-signal sweep, `trial.Workshop`: edits are those of the catalogue and the ways to read the
-  data otherwise;
-- sweeps at several injection amplitudes, `amplitudes.Amplitudes`: edits are nonlinearities at ports
-  of the linear model;
-- records of events, `records.Records`, alone or beside a sweep: the chi2 is the sum over both,
-  edits are limits beside the program, and those of the catalogue; no port map.
+- `SweepDataset`: small-signal sweeps. Edits are those of control practice, and other conventions of
+  the data.
+- `AmplitudeDataset`: sweeps at several injection amplitudes. Edits are nonlinearities at ports of
+  the linear model.
+- `EventDataset`: records of events, alone or beside a sweep. The chi-square is the sum over both;
+  edits are limits beside the program, and those of control practice; there is no port map.
 """
 
 from abc import ABC, abstractmethod
