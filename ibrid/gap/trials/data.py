@@ -1,7 +1,7 @@
 """Kinds of data in which a gap is sought.
 
-`workflow` and `repair` are the same for all: fit the given model, locate the misfit, fit every edit,
-rank, and go on from the best. A subclass of `Dataset` answers for one kind of data:
+`workflow` and `repair` are the same for all: fit the given model, locate the misfit, fit every
+edit, rank, and go on from the best. A subclass of `Dataset` answers for one kind of data:
 
 - `SweepDataset`: small-signal sweeps. Edits are those of control practice, and other conventions of
   the data.
