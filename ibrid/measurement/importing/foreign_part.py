@@ -50,7 +50,7 @@ from ibrid.measurement.importing.point_columns import (
     tidy_name,
 )
 from ibrid.measurement.importing.timed.signal_names import signal_of
-from ibrid.measurement.importing.told import base_of, numbers_beside, told_beside
+from ibrid.measurement.importing.told import base_of, doubts_beside, numbers_beside, told_beside
 from ibrid.ranges import require_in_range
 
 #: What to do with columns for several operating points.
@@ -128,6 +128,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     beside = told_beside(stem, table.notes)
     told: dict[str, Any] = beside | account.said
     mind_beside(table.where, beside, account)
+    for doubt in doubts_beside(stem, table.notes):
+        account.remark(f"{table.where}: {doubt}")
     mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))
     table = _with_percent(table, mapped, account)
     sources = _guessed(table, mapped) | mapped

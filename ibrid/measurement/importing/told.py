@@ -3,7 +3,7 @@ comments and its name.
 """
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from math import pi
 
 from ibrid.errors import SweepError
@@ -14,8 +14,28 @@ _NUMBER = r"[-+−]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
 _UNIT = r"[A-Za-zΩµ%][A-Za-zΩµ./]*|°"
 # possessive (*+): blanks that two places may take would cost the square of their number
 _PAIR = re.compile(
-    rf"([^\W\d_][\w ./-]{{0,80}}?)\s*+(?:[\[(]([^\])]{{0,40}})[\])]\s*+)?[:=]\s*+({_NUMBER})\s*({_UNIT})?"
+    rf"([^\W\d_][\w ./-]{{0,80}}?)\s*+(?:[\[(]([^\])]{{0,40}})[\])]\s*+)?[:=]\s*+({_NUMBER})"
+    rf"\s*((?:{_UNIT})(?![\w.%])(?!\s*[:=]))?"
 )
+#: What stands behind a number and belongs to it: up to the next mark, name of a number or end.
+_BEHIND = re.compile(r"(?:(?![,;|\n]|[^\W\d_][\w ./-]{0,20}[:=]).){0,40}")
+#: Words beside a base or a power with which it is another one than that of three phases, line to
+#: line and rms, or of power that is delivered; and a second number behind a slash.
+_OF_BASE = re.compile(
+    r"\b(l-?n|ln|(line.?)?(to.?)?neutral|per phase|peak|pk|pp|amplitude)\b|"
+    r"(?<!three)(?<!three.)(?<!\b3)(?<!\b3.)\bphase\b|\s/\s*\d",
+    re.IGNORECASE,
+)
+_OF_POWER = re.compile(
+    r"\b(load|consum\w*|absor\w*|import\w*|drawn|charging|ind|inductive|cap|capacitive|lag|lagging|"
+    r"lead|leading|under-?excited|over-?excited|per phase)\b|\s/\s*\d",
+    re.IGNORECASE,
+)
+_DOUBTS = {"s_base_va": _OF_BASE, "v_base_v": _OF_BASE, "p": _OF_POWER, "q": _OF_POWER}
+#: The same behind P, Q or V in the name of a file.
+_DOUBTED_NAME = re.compile(r"[ _-]?(load|abs|ind|cap|lag|lead)(?![a-zA-Z])", re.IGNORECASE)
+#: The quarter of a year, which is no reactive power.
+_QUARTER = re.compile(r"(?<!\d)(?:19|20)\d\d[-_ ]?Q[1-4](?![\d.,p])")
 _WORD = re.compile(r"([A-Za-z][\w ]{0,80}?)\s*+[:=]\s*+([A-Za-z]+)")
 _IN_NAME = re.compile(
     r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
@@ -47,10 +67,9 @@ def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, st
     without P, Q and a unit is a version, as in `scan_v2`.
     """
     numbers: dict[str, tuple[float, str]] = {}
-    for note in notes:
-        for name, bracket, value, behind in _PAIR.findall(note):
-            numbers.setdefault(name.strip(), (_number(value), bracket or behind))
-    named = _IN_NAME.findall(stem)
+    for name, value, unit, _ in _pairs(notes):
+        numbers.setdefault(name, (value, unit))
+    named = _named(stem)
     letters = {letter.upper() for letter, *_ in named}
     for letter, sign, value, unit in named:
         if (
@@ -64,16 +83,72 @@ def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, st
     return numbers
 
 
+def doubts_beside(stem: str, notes: Iterable[str]) -> tuple[str, ...]:
+    """What of bases and powers is not taken, since words beside it may make another of it; and what
+    is told twice with different numbers, of which the first is taken.
+    """
+    doubts, taken = [], dict[str, tuple[str, float]]()
+    for name, value, unit, context in _pairs(notes):
+        key = _key_of(name)
+        shown = f"{name} {value:g} {unit}".strip()
+        if _is_doubted(key, context):
+            doubts.append(f"{shown} is not taken, as {context.strip()!r} may turn it")
+            continue
+        size = value * (unit_of(unit) or ("", 1.0))[1]
+        first, before = taken.setdefault(key, (shown, size)) if key else (shown, size)
+        if before != size:
+            doubts.append(f"{first} is taken, while {shown} stands there too")
+    if doubted := {letter for letter, *_, is_doubted in _named_parts(stem) if is_doubted}:
+        doubts.append(f"{', '.join(sorted(doubted))} of the name {stem} are not taken")
+    return tuple(dict.fromkeys(doubts))
+
+
+def _key_of(name: str) -> str:
+    """The key that the name of a number means; "" for none."""
+    letters = letters_of(name)
+    return next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), "")
+
+
+def _is_doubted(key: str, context: str) -> bool:
+    return key in _DOUBTS and _DOUBTS[key].search(context) is not None
+
+
+def _pairs(notes: Iterable[str]) -> Iterator[tuple[str, float, str, str]]:
+    """Name, number, unit and the words around of `name = value unit` in comment lines."""
+    for note in notes:
+        for found in _PAIR.finditer(note):
+            name, bracket, value, behind = found.groups()
+            after = _BEHIND.match(note, found.end())
+            words = (name, bracket or "", behind or "", after[0] if after else "")
+            yield name.strip(), _number(value), bracket or behind or "", " ".join(words)
+
+
+def _named_parts(stem: str) -> list[tuple[str, str, str, str, bool]]:
+    """Letter, sign, value, unit of P, Q and V in the name of a file, and whether a word behind may
+    turn it.
+    """
+    plain = _QUARTER.sub("", stem)
+    return [
+        (*found.groups(default=""), _DOUBTED_NAME.match(plain, found.end()) is not None)
+        for found in _IN_NAME.finditer(plain)
+    ]
+
+
+def _named(stem: str) -> list[tuple[str, str, str, str]]:
+    return [found[:4] for found in _named_parts(stem) if not found[4]]
+
+
 def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
     """The numbers of known names, and words of `key: value` or `key = value`; the first of a key
-    counts.
+    counts, and none that words beside it may turn.
     """
     entries: dict[str, Told | str] = {}
+    doubted = {name for name, *_, words in _pairs(notes) if _is_doubted(_key_of(name), words)}
     for name, (value, unit) in numbers_beside(stem, notes).items():
         letters = letters_of(name)
-        if key := next(
-            (key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), ""
-        ):
+        if name in doubted:
+            continue
+        if key := _key_of(name):
             entries.setdefault(
                 key,
                 _in_hertz(_told(value, unit, name)) if key == "f0_hz" else _told(value, unit, name),
@@ -125,8 +200,9 @@ def base_of(text: str, option: str) -> tuple[float, float]:
     """VA and V of a base such as 10kVA,400V or 10e3,400; SweepError otherwise."""
     parts = [re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", part.strip()) for part in text.split(",")]
     sizes = [_told(_number(part[1]), part[2] or "") for part in parts if part]
+    unknown = [part[2] for part in parts if part and part[2] and unit_of(part[2]) is None]
     kinds = [size[1] or wanted for size, wanted in zip(sizes, ("power", "voltage"), strict=False)]
-    if len(parts) != 2 or kinds != ["power", "voltage"]:
+    if len(parts) != 2 or unknown or kinds != ["power", "voltage"]:
         raise SweepError(
             f"{option} is apparent power and line-to-line voltage, like 10kVA,400V; found "
             f"{text[:40]!r}."
