@@ -37,7 +37,7 @@ class Inverter:
         v = complex(ALPHA @ v_abc)
         if self.x is None:
             self.x = np.array([0j, v, 0j])
-            self.v, self.u, self.u_next = v, v, v
+            self.v = self.u = self.u_next = v
             self.theta = np.angle(v)
             self.pll = 0.0
             self.of_p = self.of_q = 0.0
@@ -48,7 +48,9 @@ class Inverter:
             self.v = v
         i_f, e, i_g = self.x
         turn = np.exp(-1j * self.theta)
-        e_dq, i_dq, g_dq = e * turn, i_f * turn, i_g * turn
+        e_dq = e * turn
+        i_dq = i_f * turn
+        g_dq = i_g * turn
         # phase-locked loop
         error = e_dq.imag
         self.pll += T * 900.0 * error

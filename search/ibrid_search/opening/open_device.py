@@ -31,7 +31,7 @@ from ibrid_search.opening.structures import Structures, differences, refitted, s
 from ibrid_search.run.run_folder import require_no_run
 
 #: Evaluations of a search, by effort.
-EVALUATIONS = {"low": 30, "normal": 100, "high": 400}
+EVALUATIONS = {"low": 15, "normal": 100, "high": 400}
 #: Experiments that are held out.
 HELD_OUT = 3
 #: Searches at most: another one follows where new data are not explained.
@@ -115,7 +115,15 @@ class _Opening:
         self.device, self.folder, self.points, self.budget = device, folder, points, budget
         self.gain, self.effort, self.seed, self.tell = gain, effort, seed, tell
         self.kept = story.experiments
-        self.story = replace(story, experiments=(), ending="", answer={})
+        settings = {
+            "points": list(points),
+            "budget": budget,
+            "gain": gain,
+            "effort": effort,
+            "evaluations": EVALUATIONS[effort],
+            "seed": seed,
+        }
+        self.story = replace(story, experiments=(), ending="", answer={}, settings=settings)
         self.searches = 0
 
     def run(self) -> OpeningStory:

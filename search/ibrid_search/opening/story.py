@@ -49,7 +49,8 @@ class DeviceExperiment(Frozen):
 class OpeningStory(Frozen):
     """What happened so far.
 
-    key : hash of what the measurements depend on (device file, model, settings). ending : why no
+    key : hash of what the measurements depend on (device file, model, settings). settings : what
+    the user chose (points, budget, gain, effort, seed). ending : why no
     more was measured, "" while it is going on. answer, held_out : see `ibrid.open/1`.
     """
 
@@ -59,6 +60,7 @@ class OpeningStory(Frozen):
     ending: str = ""
     answer: Mapping[str, Any] = field(default_factory=dict)
     held_out: Mapping[str, Any] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
         """Return the story in the format `ibrid.open/1`."""
