@@ -366,7 +366,7 @@ def _begun(folder: Path, device: DeviceFile, key: str, resume: bool) -> OpeningS
             f"{folder}: holds a story already; go on with it by --resume, or choose another folder"
         )
     require_folder(folder, FILES)
-    return OpeningStory(key, device.file)
+    return OpeningStory(key, Path(device.file).name)
 
 
 def _key(device: DeviceFile, points: Sequence[str], gain: float, effort: str, seed: int) -> str:
