@@ -21,8 +21,8 @@ from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
-from ibrid.gap.recordings.event_question import asked
-from ibrid.gap.recordings.joint_fit import weighed_by_events
+from ibrid.gap.recordings.event_question import build_event_problem
+from ibrid.gap.recordings.joint_fit import fit_and_score
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.quantities import counted
 from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
@@ -155,7 +155,9 @@ def differences(before: Sequence[str], after: Sequence[str]) -> tuple[str, ...]:
 def _fitted(name: str, record: Record, sweep: Sweep, events: Events | None) -> _Fit:
     """A structure fitted to all data; IbridError where it has no fit."""
     if events is not None:
-        fitted, information = weighed_by_events(asked(record.diagram, sweep, None, events, {}))
+        fitted, information = fit_and_score(
+            build_event_problem(record.diagram, sweep, None, events, {})
+        )
         return _Fit(name, fitted, information, _issues(fitted))
     fitted = evaluate(record.diagram, sweep)
     if fitted.nrmse is None:
