@@ -1,6 +1,4 @@
-"""Nominal values with tolerances: what the engineer believes of the parameters before the data are
-seen.
-"""
+"""Nominal values with tolerances as a Gaussian prior of the parameters."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -38,15 +36,16 @@ UNIT_ERROR_FACTOR = 10.0
 
 @dataclass(frozen=True)
 class NominalValue:
-    """A nominal value and one standard deviation: of the logarithm where the value is positive,
-    else absolute.
+    """A nominal value and its tolerance, one standard deviation.
+
+    Of the logarithm where the value is positive, else absolute.
     """
 
     nominal: float
     tolerance: float
 
 
-#: Free parameter -> what is believed of it.
+#: Free parameter -> its nominal value.
 Prior = Mapping[str, NominalValue]
 Nominal = Mapping[str, float | Mapping[str, float]]
 
@@ -74,47 +73,50 @@ class ParameterPrior:
     def __init__(self, parameters: Sequence[Parameter], prior: Prior) -> None:
         self.names = [one.name for one in parameters]
         self.coordinates = Coordinates(parameters)
-        held = [prior.get(one.name) for one in parameters]
-        self.known = np.array([one is not None for one in held], dtype=bool)
-        typical = [one.typical for one in parameters]
-        self.nominal = np.array(
-            [own if one is None else one.nominal for one, own in zip(held, typical, strict=True)]
-        )
-        self.weight = np.array([0.0 if one is None else 1.0 / one.tolerance for one in held])
-        self._ratio = np.array([one.logarithmic for one in parameters], dtype=bool)
+        known = np.zeros(len(parameters), dtype=bool)
+        nominal = np.array([parameter.typical for parameter in parameters], dtype=float)
+        weight = np.zeros(len(parameters))
+        for k, parameter in enumerate(parameters):
+            entry = prior.get(parameter.name)
+            if entry is not None:
+                known[k] = True
+                nominal[k] = entry.nominal
+                weight[k] = 1.0 / entry.tolerance
+        self.known = known
+        self.nominal = nominal
+        self.weight = weight
+        self._ratio = np.array([parameter.logarithmic for parameter in parameters], dtype=bool)
         self._bent = ~self._ratio & (self.nominal > 0)
         self._knee = np.where(self._bent, RATIO_LIMIT * self.nominal, 1.0)
         self._over = np.where(self._ratio, self.nominal, 1.0)
 
     def deviations(self, theta: np.ndarray) -> np.ndarray:
-        """Standard deviations between theta (..., P) and the nominal values."""
+        """Return the standard deviations (..., P) between theta (..., P) and the nominal values."""
         safe = np.where(self._ratio, theta, 1.0)
         away = np.where(self._ratio, np.log(safe / self._over), theta - self.nominal)
         bent = np.arcsinh(theta / self._knee) - np.arcsinh(1.0 / RATIO_LIMIT)
         return np.where(self.known, np.where(self._bent, bent, away) * self.weight, 0.0)
 
     def moved(self, x: np.ndarray) -> dict[str, float]:
-        """Parameter with a nominal value -> how far x (P,) is from that, in standard deviations of
-        its tolerance.
-        """
+        """Return the deviation of x (P,) by name, in tolerances, where there is a nominal value."""
         rows = zip(
             self.names, self.deviations(self.coordinates.to_theta(x)), self.known, strict=True
         )
         return {name: float(away) for name, away, known in rows if known}
 
     def reset_implausible(self, x: np.ndarray) -> np.ndarray:
-        """x (P,) with the nominal value for all that is beyond `FAR`."""
+        """Return x (P,) with implausible values, beyond `FAR` tolerances, reset to nominal."""
         return np.where(
             np.abs(self.deviations(self.coordinates.to_theta(x))) > FAR, self.start({}), x
         )
 
     def slope(self, theta: np.ndarray) -> np.ndarray:
-        """Their derivative by theta (..., P)."""
+        """Return d deviation / d theta at theta (..., P)."""
         away = np.where(self._ratio, 1.0 / np.where(self._ratio, theta, 1.0), 1.0)
         return np.where(self._bent, 1.0 / np.hypot(theta, self._knee), away) * self.weight
 
     def start(self, values: Mapping[str, float]) -> np.ndarray:
-        """x (P,) at values by name; what they lack is the nominal value."""
+        """Return x (P,) at values by name; what they lack is the nominal value."""
         theta = np.array(
             [values.get(name, own) for name, own in zip(self.names, self.nominal, strict=True)],
             dtype=float,
@@ -122,33 +124,41 @@ class ParameterPrior:
         return self.coordinates.to_x(np.clip(theta, self.coordinates.low, self.coordinates.high))
 
     def deviation_slope_in_x(self, x: np.ndarray) -> np.ndarray:
-        """Standard deviations for each unit of x, at x (..., P)."""
+        """Return d deviation / dx at x (..., P)."""
         return self._deviation_slope_in_x(self.coordinates.to_theta(x))
 
     def _deviation_slope_in_x(self, theta: np.ndarray) -> np.ndarray:
         return self.slope(theta) * self.coordinates.slope(theta)
 
     def penalty_terms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Sum of the squared standard deviations (...), half its gradient and its curvature (...,
-        P), at x (..., P).
+        """Return the prior penalty, half its gradient and half its curvature at x (..., P).
+
+        The penalty (...) is the sum of the squared deviations; the others are (..., P).
         """
         theta = self.coordinates.to_theta(x)
         away, slope = self.deviations(theta), self._deviation_slope_in_x(theta)
         return (away**2).sum(axis=-1), away * slope, slope**2
 
     def width(self, x: np.ndarray, unknown: float = DECADE) -> np.ndarray:
-        """One standard deviation in x (P,), at x (P,); `unknown` where nothing is believed."""
+        """Return one standard deviation in x (P,) at x (P,); `unknown` without a nominal value."""
         slope = self.deviation_slope_in_x(x)
         return np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), unknown)
 
 
 def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, NominalValue]:
-    """The prior that nominal values mean for the free parameters of a diagram.
+    """Return the prior of a diagram's free parameters that nominal values mean.
 
-    values : name -> value, or -> {"value", "tolerance"}; a name is that of a free parameter or of a
-    member that shares it. Values of parameters that the program fixes are passed over. Raises
-    IbridError for names and numbers that mean nothing, values outside the box of their parameter,
-    and members that share a parameter and are given differently.
+    Parameters
+    ----------
+    values : mapping
+        Name -> value, or -> {"value", "tolerance"}. A name is that of a free parameter or of a
+        member that shares it; those of parameters that the program fixes are ignored.
+
+    Raises
+    ------
+    IbridError
+        Unknown names, numbers that are none, values outside the bounds of their parameter, and
+        different values of members that share a parameter.
     """
     free = {one.name: one for one in table.free}
     owner = {f"{module}.{key}": one.name for one in table.free for module, key in one.members} | {
@@ -189,9 +199,9 @@ def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str
 
 
 def read_nominal_value(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:
-    """A nominal value inside its box, and the tolerance that was said with it.
+    """Read a nominal value within the bounds of its parameter, and its tolerance if given.
 
-    Raises IbridError for what means nothing.
+    Raises IbridError for anything else.
     """
     told = entry if isinstance(entry, Mapping) else {"value": entry}
     value, tolerance = _number(name, "value", told.get("value")), told.get("tolerance")
@@ -212,8 +222,9 @@ def read_nominal_value(name: str, entry: Any, box: Parameter | Range) -> tuple[f
 
 
 def values_of(record: Record) -> dict[str, float]:
-    """What a record found, as nominal values; IbridError where that differs between operating
-    points.
+    """Return the fitted values of a record, as nominal values.
+
+    Raises IbridError where they differ between operating points.
     """
     if (record.settings.get("parameters"), record.settings.get("equilibrium")) != (
         "shared",
@@ -232,7 +243,7 @@ def values_of(record: Record) -> dict[str, float]:
 
 
 def read_values(path: str | Path) -> dict[str, Any]:
-    """Nominal values from a JSON file; IbridError, one sentence, for anything else."""
+    """Read nominal values from a JSON file; IbridError, one sentence, for anything else."""
     path = Path(path)
     try:
         values = json_in(text_in(path))
@@ -262,12 +273,10 @@ def _number(name: str, what: str, found: Any) -> float:
 
 
 def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
-    """Raise IbridError for a nominal value far from all that a fit may take."""
+    """Raise IbridError for a nominal value far outside the bounds of its parameter."""
     low, high = box.low, box.high
-    lowest, highest = (
-        (low / UNIT_ERROR_FACTOR if low > 0 else UNIT_ERROR_FACTOR * low),
-        (high * UNIT_ERROR_FACTOR if high > 0 else high / UNIT_ERROR_FACTOR),
-    )
+    lowest = low / UNIT_ERROR_FACTOR if low > 0 else UNIT_ERROR_FACTOR * low
+    highest = high * UNIT_ERROR_FACTOR if high > 0 else high / UNIT_ERROR_FACTOR
     if not lowest <= value <= highest:
         unit = "" if box.unit in ("", "1") else f" {box.unit}"
         raise IbridError(

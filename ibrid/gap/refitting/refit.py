@@ -1,9 +1,8 @@
-"""The refit of one diagram: all operating points together, whitened by the noise, held to nominal
-values by a prior.
+"""The fit of one diagram to a sweep: all operating points together, with a prior.
 
-cost(x) = chi2(x) + sum of the squared `Beliefs.sigmas`, minimised by batches of damped Gauss-Newton
-from many starts. A minimum that is missed looks exactly like a missing effect, so starts are many
-and whoever finds a better one passes it on.
+cost(x) = chi2(x) + sum of the squared prior deviations, minimised by batches of damped Gauss-Newton
+from many starts. A minimum that is missed looks like a missing effect, so that starts are many, and
+better ones are passed on.
 """
 
 from collections.abc import Mapping, Sequence
@@ -15,7 +14,7 @@ import numpy as np
 from ibrid.assembly.symbolic import SymbolicModel, symbolic_model
 from ibrid.errors import DiagramError
 from ibrid.fit.least_squares import LEVENBERG, Batch
-from ibrid.fit.multistart import fit
+from ibrid.fit.multistart import fit as fit_multistart
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import StartDrawer
@@ -31,22 +30,32 @@ from ibrid.structure.compiling.canonical import structure_hash
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.reading.wiring import wire
 
-#: Iterations on the logarithm of the response, which leads to the right valley, and on chi2: of all
-#: starts, then of the best.
-FAR, NEAR = (5, 5), (12, 60)
-#: On chi2, of starts that were given, beside the logarithm.
-GIVEN = 15
-#: The same of a glance, and how many starts it follows to its end.
-GLANCE_FAR, GLANCE_NEAR, GLANCED = 3, 5, 2
-#: Starts that go on with the logarithm, those that go on to chi2 from either, and those that end
-#: there.
-KEPT, LED, ENDED = 12, (3, 6), 3
-#: Frequencies of all operating points together beyond which descents begin on a few; the points and
-#: frequencies of each that these are at most; ends that go on with all data, and their steps after
-#: a glance.
-MANY, MOST_POINTS, MOST_FREQUENCIES, CARRIED, POLISH = 150, 4, 24, 3, 3
-#: A fit of a model whose parameters nobody has stated: no further starts are needed far below any
-#: noise.
+#: Steps on the logarithm of the response, which leads to the right valley: of all starts, then of
+#: the best `KEPT_LOGARITHMIC`.
+LOGARITHMIC_STEPS = 5
+KEPT_LOGARITHMIC = 12
+#: Steps on chi2 of given starts.
+GIVEN_STEPS = 15
+#: Starts that go on with chi2: of those, and of the logarithmic ones; with steps of all of them,
+#: then of the best.
+KEPT_GIVEN = 3
+KEPT_FROM_LOGARITHMIC = 6
+CHI2_STEPS = 12
+KEPT_LAST = 3
+LAST_STEPS = 60
+#: Steps of a screening fit on the logarithm and on chi2, and starts that it follows.
+SCREENING_LOGARITHMIC_STEPS = 3
+SCREENING_CHI2_STEPS = 5
+KEPT_SCREENED = 2
+#: Frequencies of all operating points together above which descents begin on a subset, and the
+#: operating points and frequencies of each in that.
+MANY = 150
+SUBSET_POINTS = 4
+SUBSET_FREQUENCIES = 24
+#: Ends on the subset that go on with all data; steps with all data after a screening fit.
+KEPT_OF_SUBSET = 3
+SCREENING_LAST_STEPS = 3
+#: A fit of a model without nominal values: no further starts far below any noise.
 WHOLE = FitSettings(objective="sigma", solved=1e-2)
 
 
@@ -54,9 +63,14 @@ WHOLE = FitSettings(objective="sigma", solved=1e-2)
 class SweepFit(FitResult):
     """A diagram at its best parameters.
 
-    `x` : (P,) in search coordinates. `parameter_prior` : of the problem's free numbers. `moved` :
-    parameter with a nominal value -> how far it is from that, in standard deviations of its
-    tolerance.
+    Parameters
+    ----------
+    x : ndarray
+        (P,) in search coordinates.
+    parameter_prior : ParameterPrior
+        Of the problem's free parameters.
+    moved : mapping
+        Parameter with a nominal value -> its deviation from that, in tolerances.
     """
 
     diagram: Diagram
@@ -95,9 +109,10 @@ class SweepFit(FitResult):
 
 @dataclass(frozen=True, eq=False)
 class FitTask:
-    """What a diagram has to be fitted to, made once for each: the data as a problem in its free
-    numbers, what is believed of these, and the two sums of squares in which descents go, of
-    whitened residuals and of logarithms.
+    """The fitting problem of one diagram, built once.
+
+    With the prior of its free parameters and the two sums of squares that descents minimise: of
+    whitened residuals and of the logarithm of the response.
     """
 
     problem: Problem
@@ -107,23 +122,23 @@ class FitTask:
 
 
 class SweepFitter:
-    """Fits diagrams to the same data."""
+    """Fits diagrams to one sweep, its noise and one prior."""
 
     def __init__(self, noise: Noise, kinds: Vocabulary, prior: Prior, seed: int) -> None:
-        self.noise, self.sweep, self.kinds, self.prior, self.seed = (
-            noise,
-            noise.sweep,
-            kinds,
-            prior,
-            seed,
-        )
-        self._symbolic, self._tasks = DiagramCache[SymbolicModel](), DiagramCache[FitTask]()
+        self.noise = noise
+        self.sweep = noise.sweep
+        self.kinds = kinds
+        self.prior = prior
+        self.seed = seed
+        self._symbolic = DiagramCache[SymbolicModel]()
+        self._tasks = DiagramCache[FitTask]()
         self._rngs: dict[str, np.random.Generator] = {}
         self._coarse = self._coarse_fitter()
 
     def of(self, noise: Noise) -> "SweepFitter":
-        """The same for other data; models are derived once for each power node and nominal
-        frequency.
+        """Return the fitter of other data.
+
+        Symbolic models are shared where power node and nominal frequency are the same.
         """
         other = SweepFitter(noise, self.kinds, self.prior, self.seed)
         if (noise.sweep.power_node, noise.sweep.f0_hz) == (self.sweep.power_node, self.sweep.f0_hz):
@@ -136,11 +151,11 @@ class SweepFitter:
             self._coarse._share(symbolic)
 
     def _coarse_fitter(self) -> "SweepFitter | None":
-        """The same on a few of many data, where descents begin; None where there are not many."""
+        """Return the fitter of a subset of many data, where descents begin; None of few data."""
         points = self.sweep.points
         if sum(len(point.frequency) for point in points) <= MANY:
             return None
-        few = replace(self.sweep, points=coarse(points, MOST_POINTS, MOST_FREQUENCIES))
+        few = replace(self.sweep, points=coarse(points, SUBSET_POINTS, SUBSET_FREQUENCIES))
         other = SweepFitter(replace(self.noise, sweep=few), self.kinds, self.prior, self.seed)
         other._share(self._symbolic)
         return other
@@ -177,46 +192,57 @@ class SweepFitter:
     def fit(
         self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
     ) -> SweepFit | None:
-        """The best of many descents; None when no start has a response, or the diagram no matrices.
+        """Fit a diagram by descents from many starts and return the best end.
 
-        starts : values by name; what they lack is the nominal value, or drawn. draws : further
-        starts, each a `starts` entry moved by `spread` standard deviations of the prior.
+        Parameters
+        ----------
+        starts : sequence of mapping
+            Values by name; what they lack is the nominal value.
+        draws : int
+            Further starts, each a given one moved by `spread` standard deviations of the prior.
+
+        Returns
+        -------
+        SweepFit or None
+            None where no start has a response, or the diagram no matrices.
         """
         try:
             task = self._task(diagram)
         except DiagramError:
             return None
-        x = np.array([task.parameter_prior.start(values) for values in starts])
+        prior = task.parameter_prior
+        x = np.array([prior.start(values) for values in starts])
         if draws:
-            x = np.concatenate(
-                [x, _perturb_starts(x, task.parameter_prior, draws, spread, self._rng(diagram))]
-            )
+            drawn = _perturb_starts(x, prior, draws, spread, self._rng(diagram))
+            x = np.concatenate([x, drawn])
         if self._coarse is None:
-            return self._best(diagram, _descend_starts(task.chi2, task.logarithmic, x, len(starts)))
-        few = self._coarse._task(diagram)
-        ends = _descend_starts(few.chi2, few.logarithmic, x, len(starts)).best(CARRIED)
-        return self._best(
-            diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), NEAR[1])
-        )
+            return self._best(diagram, _descend_starts(task, x, len(starts)))
+        subset_ends = _descend_starts(self._coarse._task(diagram), x, len(starts))
+        return self._finish(diagram, task, subset_ends.best(KEPT_OF_SUBSET), LAST_STEPS)
+
+    def _finish(self, diagram: Diagram, task: FitTask, ends: Batch, steps: int) -> SweepFit | None:
+        """Go on with all data from where descents on a subset ended."""
+        begun = LEVENBERG.begin(task.chi2, ends.x)
+        return self._best(diagram, LEVENBERG.go(task.chi2, begun, steps))
 
     def _best(self, diagram: Diagram, ends: Batch) -> SweepFit | None:
-        return (
-            self.at(diagram, ends.x[int(np.argmin(ends.cost))])
-            if np.isfinite(ends.cost).any()
-            else None
-        )
+        """Return the end of least cost; None where none has a response."""
+        if not np.isfinite(ends.cost).any():
+            return None
+        return self.at(diagram, ends.x[int(np.argmin(ends.cost))])
 
     def fit_without_prior(self, diagram: Diagram) -> SweepFit | None:
-        """A refit from where a fit without any prior ends, and from its twins, which takes long;
-        None where there is none.
+        """Refit from where a slow multistart fit without a prior ends, and from its twins.
 
-        Draws around typical values find the right valley of a grid-following inverter. Of a cascade
-        of voltage and current control, or of two devices, they mostly do not.
+        Starts around typical values find the right valley of a grid-following inverter; mostly not
+        that of cascaded voltage and current control, or of two devices. None without a response.
         """
         problem = (self._coarse or self)._task(diagram).problem
-        wiring, omega_0 = wire(diagram, self.kinds), self.sweep.omega_0
-        drawer, twins = StartDrawer(problem, wiring, omega_0), find_twins(problem, wiring, omega_0)
-        whole = fit(problem, drawer, twins, self._rng(diagram), WHOLE)
+        wiring = wire(diagram, self.kinds)
+        omega_0 = self.sweep.omega_0
+        drawer = StartDrawer(problem, wiring, omega_0)
+        twins = find_twins(problem, wiring, omega_0)
+        whole = fit_multistart(problem, drawer, twins, self._rng(diagram), WHOLE)
         if whole is None:
             return None
         return self.fit(diagram, [problem.values_at(x, 0) for x in (whole.x, *whole.twins)])
@@ -224,11 +250,10 @@ class SweepFitter:
     def screen(
         self, diagram: Diagram, starts: Sequence[Values], *, near: bool = False
     ) -> SweepFit | None:
-        """A diagram after a few steps from the starts: an upper end of what a refit finds, at a
-        tenth of its cost.
+        """Fit a diagram by a few steps from the starts: at a tenth of the effort, no better than
+        `fit`.
 
-        near : the starts fit nearly, and no other valley is looked for. None where no start has a
-        response, or the diagram no matrices.
+        near : the starts nearly fit, and no other valley is sought. None without a response.
         """
         try:
             task = self._task(diagram)
@@ -236,15 +261,12 @@ class SweepFitter:
             return None
         x = np.array([task.parameter_prior.start(values) for values in starts])
         if self._coarse is None:
-            return self._best(diagram, _screen_starts(task.chi2, task.logarithmic, x, near))
-        few = self._coarse._task(diagram)
-        ends = _screen_starts(few.chi2, few.logarithmic, x, near).best(1)
-        return self._best(
-            diagram, LEVENBERG.go(task.chi2, LEVENBERG.begin(task.chi2, ends.x), POLISH)
-        )
+            return self._best(diagram, _screen_starts(task, x, near))
+        subset_ends = _screen_starts(self._coarse._task(diagram), x, near)
+        return self._finish(diagram, task, subset_ends.best(1), SCREENING_LAST_STEPS)
 
     def at(self, diagram: Diagram, x: np.ndarray) -> SweepFit:
-        """A diagram at given search coordinates (P,)."""
+        """Evaluate a diagram at search coordinates x (P,)."""
         task = self._task(diagram)
         problem = task.problem
         cost, _, hessian = task.chi2.parts(x[None])
@@ -266,35 +288,40 @@ class SweepFitter:
         )
 
     def evaluate_values(self, diagram: Diagram, values: Values) -> SweepFit:
-        """A diagram at values by name; what they lack is the nominal or the typical value."""
+        """Evaluate a diagram at values by name; what they lack is the nominal or typical value."""
         return self.at(diagram, self._task(diagram).parameter_prior.start(values))
 
     def _rng(self, diagram: Diagram) -> np.random.Generator:
-        """Of a structure: what else was fitted before it does not matter."""
+        """Return the random numbers of a structure, whatever was fitted before."""
         key = structure_hash(diagram, self.kinds)
         return self._rngs.setdefault(key, np.random.default_rng([self.seed, int(key[:16], 16)]))
 
 
-def _descend_starts(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, given: int) -> Batch:
-    """Where starts x (S, P) lead, the first of which were given."""
-    near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), GIVEN)
-    far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), FAR[0]).best(KEPT)
-    far = LEVENBERG.go(logarithmic, far, FAR[1])
-    kept = np.concatenate([near.best(LED[0]).x, far.best(LED[1]).x])
-    return LEVENBERG.go(
-        chi2, LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), NEAR[0]).best(ENDED), NEAR[1]
-    )
+def _descend_starts(task: FitTask, x: np.ndarray, given: int) -> Batch:
+    """Descend from starts x (S, P), the first of which were given.
+
+    All go by the logarithm of the response first, the given ones by chi2, too.
+    """
+    chi2, logarithmic = task.chi2, task.logarithmic
+    near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), GIVEN_STEPS)
+    far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), LOGARITHMIC_STEPS)
+    far = LEVENBERG.go(logarithmic, far.best(KEPT_LOGARITHMIC), LOGARITHMIC_STEPS)
+    kept = np.concatenate([near.best(KEPT_GIVEN).x, far.best(KEPT_FROM_LOGARITHMIC).x])
+    ends = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), CHI2_STEPS)
+    return LEVENBERG.go(chi2, ends.best(KEPT_LAST), LAST_STEPS)
 
 
-def _screen_starts(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, near: bool) -> Batch:
-    """Starts x (S, P) after a few steps; near : with whitened residuals alone."""
+def _screen_starts(task: FitTask, x: np.ndarray, near: bool) -> Batch:
+    """Descend a few steps from starts x (S, P); near : by chi2 alone."""
+    chi2, logarithmic = task.chi2, task.logarithmic
     first = LEVENBERG.begin(chi2, x)
     if near:
-        return LEVENBERG.go(chi2, first.best(GLANCED), GLANCE_FAR + GLANCE_NEAR)
-    far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), GLANCE_FAR).best(GLANCED)
-    return LEVENBERG.go(
-        chi2, LEVENBERG.begin(chi2, np.concatenate([first.best(1).x, far.x])), GLANCE_NEAR
-    )
+        steps = SCREENING_LOGARITHMIC_STEPS + SCREENING_CHI2_STEPS
+        return LEVENBERG.go(chi2, first.best(KEPT_SCREENED), steps)
+    far = LEVENBERG.begin(logarithmic, x)
+    far = LEVENBERG.go(logarithmic, far, SCREENING_LOGARITHMIC_STEPS).best(KEPT_SCREENED)
+    kept = np.concatenate([first.best(1).x, far.x])
+    return LEVENBERG.go(chi2, LEVENBERG.begin(chi2, kept), SCREENING_CHI2_STEPS)
 
 
 def _perturb_starts(
@@ -304,9 +331,7 @@ def _perturb_starts(
     spread: float,
     rng: np.random.Generator,
 ) -> np.ndarray:
-    """So many of the starts x (S, P), each moved by `spread` standard deviations of what is
-    believed.
-    """
+    """Sample starts (number, P) from x (S, P), each moved by `spread` deviations of the prior."""
     base = x[rng.integers(len(x), size=number)]
     coordinates = parameter_prior.coordinates
     width = parameter_prior.width(coordinates.to_x(parameter_prior.nominal))
@@ -315,11 +340,14 @@ def _perturb_starts(
 
 
 def _effective_parameters(data: np.ndarray, prior: np.ndarray) -> float:
-    """Trace of data (data + prior)^-1: how many parameters the data decide. data, prior : (P,
-    P).
+    """Return trace of D (D + P)^-1, the number of parameters that the data determine.
+
+    data, prior : Hessians D and P of chi2 and of the prior penalty, (P, P) each.
     """
     if not len(data) or not np.isfinite(data).all():
         return float(len(data))
     scale = np.sqrt(np.maximum(np.diag(data + prior), 1e-300))
-    whole, part = (data + prior) / np.outer(scale, scale), data / np.outer(scale, scale)
+    scales = np.outer(scale, scale)
+    whole = (data + prior) / scales
+    part = data / scales
     return float(np.trace(np.linalg.pinv(whole, rcond=1e-12, hermitian=True) @ part))
