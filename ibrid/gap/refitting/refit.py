@@ -216,14 +216,15 @@ class SweepFitter:
             drawn = _perturb_starts(x, prior, draws, spread, self._rng(diagram))
             x = np.concatenate([x, drawn])
         if self._coarse is None:
-            return self._best(diagram, _descend_starts(task, x, len(starts)))
-        subset_ends = _descend_starts(self._coarse._task(diagram), x, len(starts))
-        return self._finish(diagram, task, subset_ends.best(KEPT_OF_SUBSET), LAST_STEPS)
+            return self._best(diagram, _descend_starts(task.chi2, task.logarithmic, x, len(starts)))
+        subset = self._coarse._task(diagram)
+        subset_ends = _descend_starts(subset.chi2, subset.logarithmic, x, len(starts))
+        return self._finish(diagram, task.chi2, subset_ends.best(KEPT_OF_SUBSET), LAST_STEPS)
 
-    def _finish(self, diagram: Diagram, task: FitTask, ends: Batch, steps: int) -> SweepFit | None:
+    def _finish(self, diagram: Diagram, chi2: Misfit, ends: Batch, steps: int) -> SweepFit | None:
         """Go on with all data from where descents on a subset ended."""
-        begun = LEVENBERG.begin(task.chi2, ends.x)
-        return self._best(diagram, LEVENBERG.go(task.chi2, begun, steps))
+        begun = LEVENBERG.begin(chi2, ends.x)
+        return self._best(diagram, LEVENBERG.go(chi2, begun, steps))
 
     def _best(self, diagram: Diagram, ends: Batch) -> SweepFit | None:
         """Return the end of least cost; None where none has a response."""
@@ -261,9 +262,10 @@ class SweepFitter:
             return None
         x = np.array([task.parameter_prior.start(values) for values in starts])
         if self._coarse is None:
-            return self._best(diagram, _screen_starts(task, x, near))
-        subset_ends = _screen_starts(self._coarse._task(diagram), x, near)
-        return self._finish(diagram, task, subset_ends.best(1), SCREENING_LAST_STEPS)
+            return self._best(diagram, _screen_starts(task.chi2, task.logarithmic, x, near))
+        subset = self._coarse._task(diagram)
+        subset_ends = _screen_starts(subset.chi2, subset.logarithmic, x, near)
+        return self._finish(diagram, task.chi2, subset_ends.best(1), SCREENING_LAST_STEPS)
 
     def at(self, diagram: Diagram, x: np.ndarray) -> SweepFit:
         """Evaluate a diagram at search coordinates x (P,)."""
@@ -297,12 +299,11 @@ class SweepFitter:
         return self._rngs.setdefault(key, np.random.default_rng([self.seed, int(key[:16], 16)]))
 
 
-def _descend_starts(task: FitTask, x: np.ndarray, given: int) -> Batch:
+def _descend_starts(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, given: int) -> Batch:
     """Descend from starts x (S, P), the first of which were given.
 
     All go by the logarithm of the response first, the given ones by chi2, too.
     """
-    chi2, logarithmic = task.chi2, task.logarithmic
     near = LEVENBERG.go(chi2, LEVENBERG.begin(chi2, x[:given]), GIVEN_STEPS)
     far = LEVENBERG.go(logarithmic, LEVENBERG.begin(logarithmic, x), LOGARITHMIC_STEPS)
     far = LEVENBERG.go(logarithmic, far.best(KEPT_LOGARITHMIC), LOGARITHMIC_STEPS)
@@ -311,9 +312,8 @@ def _descend_starts(task: FitTask, x: np.ndarray, given: int) -> Batch:
     return LEVENBERG.go(chi2, ends.best(KEPT_LAST), LAST_STEPS)
 
 
-def _screen_starts(task: FitTask, x: np.ndarray, near: bool) -> Batch:
+def _screen_starts(chi2: Misfit, logarithmic: Misfit, x: np.ndarray, near: bool) -> Batch:
     """Descend a few steps from starts x (S, P); near : by chi2 alone."""
-    chi2, logarithmic = task.chi2, task.logarithmic
     first = LEVENBERG.begin(chi2, x)
     if near:
         steps = SCREENING_LOGARITHMIC_STEPS + SCREENING_CHI2_STEPS
