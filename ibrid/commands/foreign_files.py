@@ -141,11 +141,12 @@ def sweep_in(files: Sequence[str], arguments: Namespace, *, inspecting: bool = F
 
 def _without_grid(read: FromFiles, text: str | None) -> FromFiles:
     """The device alone, where it was scanned in series with a grid that is known."""
-    from ibrid.analysis.grids.series_grid import without_series_grid
     from ibrid.measurement.sweeps.sweep import Sweep
 
     if text is None or not isinstance(read.data, Sweep):
         return read
+    from ibrid.analysis.grids.series_grid import without_series_grid
+
     grid = inputs.grid(text, read.data.f0_hz)
     device = without_series_grid(read.data, grid)
     words = (

@@ -148,9 +148,10 @@ def without_wrong_rows(sweep: "Sweep") -> "Sweep":
 
 def holds_events(text: str) -> bool:
     """Whether there is a file of records in time at that place, and no sweep."""
-    from ibrid.arguments import coercion
+    from ibrid.measurement.formats.bundle import is_there
+    from ibrid.measurement.read_events import is_events_file
 
-    return coercion.holds_events(text)
+    return is_there(Path(text)) and is_events_file(Path(text))
 
 
 #: Options that say what files of records do not.

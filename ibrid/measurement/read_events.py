@@ -111,10 +111,18 @@ def is_events_file(path: Path) -> bool:
             _has_channels(cells)
             for row in rows
             for mark in (";", "\t", ",", "|", None)
-            if len(cells := row.split(mark)) > 3
+            if len(cells := row.split(mark)) > 3 and not _are_mostly_numbers(cells)
         )
     except SweepError:
         return False
+
+
+def _are_mostly_numbers(cells: Sequence[str]) -> bool:
+    """Whether a row of text and numbers, as one of a table that names its operating points, is
+    none of names.
+    """
+    numbers = sum(cell.lstrip(" \"'+-.")[:1].isdigit() for cell in cells)
+    return 2 * numbers > len(cells)
 
 
 def _has_channels(names: Sequence[str]) -> bool:

@@ -13,7 +13,7 @@ from ibrid.measurement.conventions.angle_law import angle_reading, contradiction
 from ibrid.measurement.conventions.frame_angle import TurnedFrame, turned_frame
 from ibrid.measurement.conventions.frequency_base import (
     FrequencyReading,
-    frequency_readings,
+    contradicting_readings,
     other_frequency,
 )
 from ibrid.measurement.conventions.resting_axis import RestingAxis, resting_axis
@@ -71,21 +71,21 @@ def check_conventions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) 
     """
     noise = estimate(sweep) if noise is None else noise
     directions = check_directions(sweep, noise)
-    sentence = _frequency_doubt(frequency_readings(sweep, noise), sweep.f0_hz)
+    sentence = _frequency_doubt(contradicting_readings(sweep, noise), sweep.f0_hz)
     if sentence is None:
         return directions
     warnings = (sentence, *directions.warnings)
     return Conventions("doubt", f"they do not hold together: {sentence}", warnings)
 
 
-def _frequency_doubt(readings: Sequence[FrequencyReading | None], f0_hz: float) -> str | None:
+def _frequency_doubt(readings: Sequence[FrequencyReading], f0_hz: float) -> str | None:
     """The nominal frequency that every operating point shows in place of that of the file."""
     other = other_frequency(readings, f0_hz)
     if other is None:
         return None
     usual, mean = other
-    doubt = max(one.doubt for one in readings if one is not None)
-    lowest = max(one.lowest for one in readings if one is not None)
+    doubt = max(one.doubt for one in readings)
+    lowest = max(one.lowest for one in readings)
     part = 1 - usual / f0_hz
     twin = (
         f"a decoupling of {part:.0%} of its inductance"

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from scipy.special import chdtrc
 
 from ibrid.measurement.conventions.rotation import propagate
-from ibrid.measurement.sweeps.noise import PointNoise, estimate
+from ibrid.measurement.sweeps.noise import PointNoise, estimate, estimate_point
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
 #: Hz: nominal frequencies of grids and aircraft, and those of grids, which are possible where
@@ -64,6 +64,14 @@ class FrequencyReading:
         """True when it says anything."""
         return 0 < self.doubt <= VAGUE * self.hertz
 
+    def is_near(self, hertz: float) -> bool:
+        """True when it is of this frequency."""
+        return abs(self.hertz - hertz) < NEAR * self.doubt
+
+    def is_beyond(self, hertz: float) -> bool:
+        """True when it is not of this frequency."""
+        return abs(self.hertz - hertz) > BEYOND * self.doubt
+
 
 def frequency_reading(point: PointSweep, noise: PointNoise) -> FrequencyReading | None:
     """f0 at one operating point; None where its high frequencies follow no law of a filter.
@@ -94,6 +102,24 @@ def frequency_readings(
     return [frequency_reading(point, noise[point.op.name]) for point in sweep.points]
 
 
+def contradicting_readings(
+    sweep: Sweep, noise: Mapping[str, PointNoise] | None = None
+) -> list[FrequencyReading]:
+    """The readings of all operating points where each is sure and beyond the declared f0; none as
+    soon as one is not, so that most sweeps are read at one operating point.
+
+    noise : result of noise.estimate, if already known.
+    """
+    readings = []
+    for point in sweep.points:
+        known = estimate_point(point) if noise is None else noise[point.op.name]
+        reading = frequency_reading(point, known)
+        if reading is None or not reading.sure or not reading.is_beyond(sweep.f0_hz):
+            return []
+        readings.append(reading)
+    return readings
+
+
 def possible_frequencies(
     readings: Sequence[FrequencyReading | None], declared: float
 ) -> tuple[float, ...]:
@@ -104,9 +130,7 @@ def possible_frequencies(
     other = other_frequency(readings, declared)
     if other is not None:
         return (other[0],)
-    as_declared = [
-        one for one in readings if one is not None and abs(one.hertz - declared) < NEAR * one.doubt
-    ]
+    as_declared = [one for one in readings if one is not None and one.is_near(declared)]
     possible = (one for one in OF_GRIDS if one != declared)
     return tuple(
         usual
@@ -127,8 +151,8 @@ def other_frequency(
     weights = np.array([one.doubt**-2 for one in sure])
     mean = float(weights @ [one.hertz for one in sure] / weights.sum())
     usual = min(USUAL, key=lambda one: abs(one - mean))
-    near = all(abs(one.hertz - usual) < NEAR * one.doubt for one in sure)
-    beyond = all(abs(one.hertz - declared) > BEYOND * one.doubt for one in sure)
+    near = all(one.is_near(usual) for one in sure)
+    beyond = all(one.is_beyond(declared) for one in sure)
     return (usual, mean) if near and beyond and usual != declared else None
 
 

@@ -8,8 +8,8 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.conventions.frequency_base import (
+    contradicting_readings,
     frequency_reading,
-    frequency_readings,
     other_frequency,
 )
 from ibrid.measurement.importing.foreign_part import Part
@@ -37,7 +37,7 @@ def doubt_nominal(sweep: Sweep, account: Account) -> None:
     """Where every operating point shows another f0 than the file says, that is asked for; what the
     user says is only doubted.
     """
-    other = other_frequency(frequency_readings(sweep), sweep.f0_hz)
+    other = other_frequency(contradicting_readings(sweep), sweep.f0_hz)
     if other is None:
         return
     usual, mean = other

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from ibrid.measurement.conventions.frequency_base import (
-    NEAR,
     OF_GRIDS,
     REACH,
-    frequency_readings,
+    frequency_reading,
 )
 from ibrid.measurement.importing.frequency_unit import is_round
+from ibrid.measurement.sweeps.noise import estimate_point
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
 #: How far the plain quotient of the cross and the direct terms may be from f0, as a part of it,
@@ -59,16 +59,16 @@ def _nominal_shown(sweep: Sweep, factor: float) -> float | None:
     for nominal in dict.fromkeys((sweep.f0_hz, *OF_GRIDS)):
         if not all(_may_show(point, factor, nominal) for point in sweep.points):
             continue
-        points = [
-            replace(point, frequency=point.frequency * factor, larger=()) for point in sweep.points
-        ]
-        readings = frequency_readings(replace(sweep, points=tuple(points)))
-        if all(
-            one is not None and one.sure and abs(one.hertz - nominal) < NEAR * one.doubt
-            for one in readings
-        ):
+        if all(_shows(point, factor, nominal) for point in sweep.points):
             return nominal
     return None
+
+
+def _shows(point: PointSweep, factor: float, nominal: float) -> bool:
+    """Whether the laws of a filter read the nominal frequency there."""
+    other = replace(point, frequency=point.frequency * factor, larger=())
+    reading = frequency_reading(other, estimate_point(other))
+    return reading is not None and reading.sure and reading.is_near(nominal)
 
 
 def _may_show(point: PointSweep, factor: float, nominal: float) -> bool:
