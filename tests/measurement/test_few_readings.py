@@ -1,5 +1,5 @@
 """f0 is read at as many operating points as decide about it, and a table whose rows have names is
-looked at for names of signals once.
+looked at for names of signals once; plain cells are read together.
 """
 
 from pathlib import Path
@@ -15,6 +15,9 @@ from ibrid.measurement.conventions.frequency_base import (
     frequency_readings,
     other_frequency,
 )
+from ibrid.measurement.importing.cell_number import number
+from ibrid.measurement.importing.foreign_table import _column, _numbers_in
+from ibrid.measurement.importing.numbers.number_format import UNSAID
 from ibrid.measurement.read_events import is_events_file
 
 
@@ -49,3 +52,24 @@ def test_rows_of_a_table_that_names_its_points_are_no_names_of_signals(tmp_path:
     (tmp_path / "a.csv").write_text("\n".join([",".join(names), *rows]))
     assert not is_events_file(tmp_path / "a.csv")
     assert looked == [names]
+
+
+@pytest.mark.parametrize(
+    "cells",
+    [
+        ["1", " -2.5e3", "nan", "inf"],
+        ["1_000", "2"],
+        ["", "3"],
+        ["1+2j", "4"],
+        ["1,255.9", "2"],
+        ["five", "6"],
+    ],
+)
+def test_cells_that_are_read_at_once_are_what_they_are_one_by_one(cells):
+    """The plain numbers of a row or a column are converted together."""
+    singly = [number(cell, False) for cell in cells]
+    assert _numbers_in(cells, False) == sum(one is not None for one in singly)
+    if all(one is not None for one in singly):
+        np.testing.assert_array_equal(_column(cells, False, UNSAID), np.array(singly, complex))
+    else:
+        assert _column(cells, False, UNSAID).tolist() == cells

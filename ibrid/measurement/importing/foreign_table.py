@@ -178,6 +178,8 @@ def _cells(line: str, separator: str | None) -> list[str]:
         line = re.sub(r"\(([^()]*)\)", lambda inner: re.sub(r"\s", "", inner[0]), line)
         line = re.sub(r"\s([-+−])\s+(?=[ij]|[\d.,]+(?:[eE][-+]?\d+)?\s?\*?[ij]\b)", r"\1", line)
         return line.split()
+    if '"' not in line:
+        return [*map(str.strip, line.split(separator))]
     return [cell.strip().strip('"').strip() for cell in _apart(line, separator)]
 
 
@@ -185,12 +187,9 @@ def _apart(line: str, separator: str) -> list[str]:
     """The line between its separators; one behind which a quote that is open is closed belongs to
     the text in quotes.
     """
-    pieces = line.split(separator)
-    if '"' not in line:
-        return pieces
     cells: list[list[str]] = []
     quotes = 0
-    for piece in reversed(pieces):
+    for piece in reversed(line.split(separator)):
         if quotes % 2:
             cells[-1].append(piece)
         else:
@@ -205,13 +204,13 @@ def data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[
 
     Empty cells are numbers, but a word or two with empty cells behind them are a title.
     """
-    counted = [
-        (row, sum(number(cell, comma) is not None for cell in row[1]), len(row[1])) for row in rows
-    ]
+    counted = [(row, _numbers_in(row[1], comma), len(row[1])) for row in rows]
     numeric = [
         one
         for one in counted
-        if one[1] >= 2 and 2 * one[1] >= one[2] and not _is_title(one[0][1], comma)
+        if one[1] >= 2
+        and 2 * one[1] >= one[2]
+        and (one[1] == one[2] or not _is_title(one[0][1], comma))
     ]
     if not numeric:
         return []
@@ -220,6 +219,17 @@ def data_rows(rows: Sequence[tuple[int, list[str]]], comma: bool) -> list[tuple[
     return [
         row for row, count, cells in numeric if cells == width and count >= usual and any(row[1])
     ]
+
+
+def _numbers_in(cells: Sequence[str], comma: bool) -> int:
+    """How many cells are numbers."""
+    text = "".join(cells)
+    if not ("_" in text or (comma and "." in text)):
+        try:
+            return len([*map(float, cells)])
+        except ValueError:
+            pass
+    return sum(number(cell, comma) is not None for cell in cells)
 
 
 def _is_title(cells: Sequence[str], comma: bool) -> bool:
