@@ -11,24 +11,11 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.timed.families import SignalFamily
+from ibrid.measurement.importing.timed.voltage_kinds import kind_of_voltage
 from ibrid.measurement.recordings.phasors import angle_of_frequency, current_of_powers
 
-#: What a voltage of 1 per unit is, as a part of v_base_v.
-_KINDS = {
-    "line to line, rms": 1.0,
-    "line to line, peak": np.sqrt(2),
-    "of a phase, rms": 1 / np.sqrt(3),
-    "of a phase, peak": np.sqrt(2 / 3),
-}
-#: Words of a unit or name -> what the kind of its voltage must hold, and must not.
-_SAID = {
-    "line": ("line", "of a phase"),
-    "phase": ("of a phase", "line"),
-    "peak": ("peak", "rms"),
-    "rms": ("rms", "peak"),
-}
-#: How near the voltage must be to one of them, as a part; p and q above this are in no per unit.
-_NEAR, _LARGEST_PU = 0.12, 3.0
+#: p and q above this are in no per unit.
+_LARGEST_PU = 3.0
 #: Angles without a unit up to this, 2 pi, may be in radians.
 _TURN = 6.2832
 _A = np.exp(2j * np.pi / 3)
@@ -36,13 +23,12 @@ _A = np.exp(2j * np.pi / 3)
 
 @dataclass(frozen=True, eq=False)
 class Phasors:
-    """(n,) complex voltage and current, d + j q per unit, current as it is counted there; what 1
-    per unit of the voltage is in its unit; and what was assumed.
+    """(n,) complex voltage and current, d + j q per unit, current as it is counted there; and what
+    was assumed.
     """
 
     v: np.ndarray
     i: np.ndarray
-    one_volt: float
     remarks: tuple[str, ...]
 
 
@@ -82,7 +68,14 @@ def phasors_of(
         remarks.append("nothing says the angle of the voltage: its frequency is taken as nominal")
     one_volt, one_ampere = 1.0, 1.0
     if unit == "si":
-        kind, one_volt = _size_of_voltage(v, family, needed[0], base, where)
+        column = family.columns[needed[0]]
+        kind, one_volt = kind_of_voltage(
+            v,
+            column.signal.counted,
+            float(base[1] or 1.0),
+            f"{where}: the voltage",
+            f"--channels {needed[0]}={column.place + 1}",
+        )
         remarks.append(f"the voltage is {kind}, as its size shows beside the base")
         currents = [role for role in needed if role[0] == "i" and not role.endswith("_ang")]
         peak = _is_peak(family, currents, "peak" in kind)
@@ -95,15 +88,15 @@ def phasors_of(
             remarks.append(f"currents taken as {'peak' if peak else 'rms'}")
     v = v / one_volt
     if i is not None:
-        return Phasors(v, i / one_ampere, one_volt, tuple(remarks))
+        return Phasors(v, i / one_ampere, tuple(remarks))
     if family.kind == "powers":
         p, q = (_powers(part[role], role, unit, base, where) for role in needed[1:])
         i = current_of_powers(p, q, np.abs(v)) * np.exp(1j * np.angle(v))
-        return Phasors(v, i, one_volt, tuple(remarks))
+        return Phasors(v, i, tuple(remarks))
     active, reactive = (part[role] / one_ampere for role in needed[1:])
     remarks.append("the reactive current has the sign of the reactive power")
     i = (active - 1j * reactive) * np.exp(1j * np.angle(v))
-    return Phasors(v, i, one_volt, tuple(remarks))
+    return Phasors(v, i, tuple(remarks))
 
 
 def _in_degrees(
@@ -162,48 +155,6 @@ def _angle(part: dict[str, np.ndarray], time: np.ndarray, f0_hz: float) -> np.nd
     away = part["f"] - (f0_hz if np.median(part["f"]) > _LARGEST_PU else 1.0)
     away = away * (1.0 if np.median(part["f"]) > _LARGEST_PU else f0_hz)
     return angle_of_frequency(away, time)
-
-
-def _size_of_voltage(
-    v: np.ndarray,
-    family: SignalFamily,
-    role: str,
-    base: tuple[float | None, float | None],
-    where: str,
-) -> tuple[str, float]:
-    """Of which kind a voltage in V is, as its name or its size at the beginning says, and what 1
-    per unit of it is in V.
-    """
-    volts = float(base[1] or 1.0)
-    counted = family.columns[role].signal.counted
-    size = float(np.median(abs(v[: max(len(v) // 20, 8)]))) / volts
-    possible = [
-        kind
-        for kind in _KINDS
-        if all(_SAID[word][0] in kind and _SAID[word][1] not in kind for word in counted)
-        and (kind != "line to line, peak" or {"line", "peak"} <= counted)
-    ]
-    fits = sorted(
-        (kind for kind in possible if abs(size / _KINDS[kind] - 1) < _NEAR),
-        key=lambda kind: abs(np.log(size / _KINDS[kind])),
-    )
-    named = possible if len(possible) == 1 else []
-    if len(fits) > 1:
-        near = " or ".join(f"{kind} at {size / _KINDS[kind]:.3g} per unit" for kind in fits)
-        raise SweepError(
-            f"{where}: the voltage begins at {size * volts:.4g} V, which may be {near}; say its "
-            f"unit: --channels {role}={family.columns[role].place + 1}[V_LL], [V_LN] or [V_peak]."
-        )
-    chosen = (named or fits)[:1]
-    if not chosen:
-        raise SweepError(
-            f"{where}: the voltage begins at {size * volts:.4g} V, which is neither {volts:g} V "
-            "between the phases nor "
-            f"{volts / np.sqrt(3):.4g} V of one nor a peak of these; check --base, or say its "
-            f"unit: --channels {role}={family.columns[role].place + 1}[kV_LL], [kV_LN] or "
-            "[kV_peak]."
-        )
-    return chosen[0], _KINDS[chosen[0]] * volts
 
 
 def _powers(

@@ -10,12 +10,13 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import SweepError, some
-from ibrid.measurement.formats.event_csv import TOLD, why_not_increasing
+from ibrid.measurement.formats.event_csv import why_not_increasing
 from ibrid.measurement.formats.grouping import rows_of_each
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.numbers.percent import as_shown
 from ibrid.measurement.importing.timed.families import Column, SignalFamily
 from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
+from ibrid.measurement.importing.timed.set_points import set_point_columns, set_points_of
 from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
 from ibrid.measurement.recordings.event_samples import Samples
 
@@ -67,6 +68,11 @@ def recording_of(
         for column in family.columns.values()
         if (column.signal.dimension, column.signal.factor) == _PERCENT
     ]
+    in_percent += [
+        name
+        for name in set_point_columns(names).values()
+        if size_of(split_unit(name)[1]) == _PERCENT
+    ]
     table = as_shown(table, in_percent)
     if "t" not in family.columns:
         raise SweepError(
@@ -92,28 +98,33 @@ def recording_of(
     whole = np.all([np.isfinite(one) for one in (time, *values.values())], axis=0)
     time, values, remarks = _whole_rows(table, names, family, whole, time, values, remarks)
     record = _records(table, family, names, whole)
-    set_points = _set_points(table, unit, header, whole)
+    nominal = float(header.get("f0_hz") or f0_hz or 60.0)
+    set_points = set_points_of(table, unit, header, nominal, whole)
+    of_estimator = family.kind not in _INSTANTANEOUS
+    unit_of_samples = "pu" if of_estimator else unit
+    sizes = _sizes_of_set_points(header) if unit_of_samples == "si" else {}
     samples = []
     for name, rows in rows_of_each(record.tolist()).items():
         _require_forward(table, name, time[rows])
         part = {role: value[rows] for role, value in values.items()}
-        v, i, one_volt, more = _voltage_and_current(
-            family, part, time[rows], unit, header, table.where, f0_hz
+        v, i, more = _voltage_and_current(
+            family, part, time[rows], unit, header, table.where, nominal
         )
         sigma = part.get("sigma")
-        told = {name: value[rows] for name, value in set_points.items()}
-        if unit == "si" and family.kind not in _INSTANTANEOUS:  # whose samples are per unit
-            sizes = {"p_ref": header["s_base_va"], "q_ref": header["s_base_va"], "v_ref": one_volt}
-            told = {name: value / sizes.get(name, 1.0) for name, value in told.items()}
+        told = {role: one.values[rows] * sizes.get(role, 1.0) for role, one in set_points.items()}
         samples.append(Samples(str(name), time[rows], v, i, sigma, (*remarks, *more), told))
     readings = tuple(
         (role, names[column.place], _shown(column, unit)) for role, column in family.columns.items()
     )
-    of_estimator = family.kind not in _INSTANTANEOUS
-    unit = "pu" if of_estimator else unit
-    return Recording(
-        tuple(samples), _FRAMES.get(family.kind, "dq"), unit, f0_hz, readings, of_estimator
-    )
+    readings += tuple((role, one.column, one.reading) for role, one in set_points.items())
+    frame = _FRAMES.get(family.kind, "dq")
+    return Recording(tuple(samples), frame, unit_of_samples, f0_hz, readings, of_estimator)
+
+
+def _sizes_of_set_points(header: Mapping[str, Any]) -> dict[str, float]:
+    """What 1 per unit of a set point is in the unit of instantaneous samples in V and A."""
+    s_base_va, v_peak = header["s_base_va"], header["v_base_v"] * np.sqrt(2 / 3)
+    return {"p_ref": s_base_va, "q_ref": s_base_va, "v_ref": v_peak}
 
 
 def _voltage_and_current(
@@ -123,84 +134,21 @@ def _voltage_and_current(
     unit: str,
     header: Mapping[str, Any],
     where: str,
-    f0_hz: float | None,
-) -> tuple[np.ndarray, np.ndarray, float, tuple[str, ...]]:
-    """v and i as `Samples` hold them, what 1 per unit of the voltage was in its unit where they are
-    per unit now, and what was assumed.
-    """
-    if family.kind == "phases":
-        return (
-            np.array([part[f"v{one}"] for one in "abc"]),
-            np.array([part[f"i{one}"] for one in "abc"]),
-            1.0,
-            (),
-        )
-    if family.kind == "lines":
+    f0_hz: float,
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """v and i as `Samples` hold them, and what was assumed."""
+    if family.kind in ("phases", "lines"):
+        i = np.array([part[f"i{phase}"] for phase in "abc"])
+        if family.kind == "phases":
+            return np.array([part[f"v{phase}"] for phase in "abc"]), i, ()
         between = np.array([part["vab"], part["vbc"], -part["vab"] - part["vbc"]])
-        return (
-            (between - np.roll(between, 1, axis=0)) / 3,
-            np.array([part[f"i{one}"] for one in "abc"]),
-            1.0,
-            (),
-        )
+        return (between - np.roll(between, 1, axis=0)) / 3, i, ()
     if family.kind == "dq":
-        return np.array([part["vd"], part["vq"]]), np.array([part["id"], part["iq"]]), 1.0, ()
-    nominal = float(header.get("f0_hz") or f0_hz or 60.0)
+        return np.array([part["vd"], part["vq"]]), np.array([part["id"], part["iq"]]), ()
     base = header.get("s_base_va"), header.get("v_base_v")
-    phasors: Phasors = phasors_of(family, part, time, unit, nominal, base, where)
+    phasors: Phasors = phasors_of(family, part, time, unit, f0_hz, base, where)
     v, i = (np.array([np.real(one), np.imag(one)]) for one in (phasors.v, phasors.i))
-    return v, i, phasors.one_volt, phasors.remarks
-
-
-def _set_points(
-    table: ForeignTable, unit: str, header: Mapping[str, Any], whole: np.ndarray
-) -> dict[str, np.ndarray]:
-    """What the device was told in the rows that are whole, by the names of an events file, in W, V
-    and Hz where the recording is in SI, else per unit and Hz; none that has gaps.
-
-    Raises SweepError where the unit of one is not said, or is not that of the recording.
-    """
-    told: dict[str, np.ndarray] = {}
-    for name, values in table.columns.items():
-        bare, written = split_unit(name)
-        if bare.lower() not in TOLD or values.dtype.kind != "f":
-            continue
-        if np.isfinite(values[whole]).all():
-            dimension, factor = size_of(written) or ("", 1.0)
-            told[bare.lower()] = values[whole] * factor
-            base = header.get("s_base_va") if bare[0].lower() in "pq" else None
-            if base and unit == "si" and dimension == "per unit":
-                told[bare.lower()] *= base
-            elif base and unit != "si" and dimension == "power":
-                told[bare.lower()] /= base
-            else:
-                _require_unit(table, name, dimension, unit, told[bare.lower()])
-    return told
-
-
-def _require_unit(
-    table: ForeignTable, name: str, dimension: str, unit: str, values: np.ndarray
-) -> None:
-    """Raise SweepError where a set point is not in the kind of unit of the recording."""
-    usual, word = {"p": ("power", "MW"), "q": ("power", "Mvar"), "v": ("voltage", "kV")}.get(
-        name[0].lower(), ("frequency", "Hz")
-    )
-    largest = float(np.max(np.abs(values), initial=0.0))
-    if usual == "frequency":
-        fits = dimension in ("", usual) and largest > _LARGEST_PU
-    elif unit == "si":
-        fits = dimension == usual
-    else:
-        fits = dimension in ("", "per unit") and largest <= _LARGEST_PU
-    if fits:
-        return
-    if usual != "frequency" and unit != "si":
-        word = "pu"
-    found = f"{largest:g} {f'of {dimension}' if dimension else 'without a unit'}"
-    raise SweepError(
-        f"{table.where}: the set point {name} must have the unit of the recording; found up to "
-        f"{found}, convert it or name its column {name.split()[0]} [{word}]."
-    )
+    return v, i, phasors.remarks
 
 
 def _numbers(table: ForeignTable, name: str) -> np.ndarray:
