@@ -143,6 +143,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         by = columns_of_points(table, frequency, said)
         sources |= {"op": Source(by, " and ")} if by else {}
     quantity, frame, entries = _family(table, sources, told, account)
+    if frame == "dq" and grid == "network" and not mapped.keys() & {"freq", "omega"}:
+        _refuse_network_frequency(table, sources)
     used = {column for source in sources.values() for column in source.columns}
     if not any(sources[role].unit for role in ("freq", "omega") if role in mapped):
         used |= columns_of_keys(table.columns)
@@ -444,6 +446,18 @@ def _require_one_frequency(
                 f"beside {hertz[row]:g} Hz, say which column is meant: --map {taken}={first} or "
                 f"--map {meaning.role}={name}."
             )
+
+
+def _refuse_network_frequency(table: ForeignTable, sources: Mapping[str, Source]) -> None:
+    """Raise SweepError where dq entries stand at frequencies that their name calls those of the
+    network, f + f0.
+    """
+    role = "freq" if "freq" in sources else "omega"
+    name = words_of(sources[role])
+    raise SweepError(
+        f"{table.where}: entries in dq must have the frequency in dq; found {name}, by its name "
+        f"that of the network (f + f0), subtract f0 or add --map {role}={name} if it is that in dq."
+    )
 
 
 def _family(
