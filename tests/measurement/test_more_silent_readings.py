@@ -2,6 +2,7 @@
 meaning is refused or said.
 """
 
+import h5py
 import numpy as np
 import pytest
 
@@ -14,11 +15,12 @@ MATRIX = np.array([[-1 + 0.25j, 0.125 - 0.5j], [0.0625, 1.5 - 2.375j]]) / (
 )
 SAID = {"unit": "pu", "f0_hz": 60.0, "current": "out", "q_axis": "leads", "voltage_axis": "d"}
 POWERS = {"p": 0.8, "q": 0.1}
+ENTRIES = ("dd", "dq", "qd", "qq")
 
 
 def text(frequency="f", frame="dq", at=FREQUENCY, matrix=MATRIX) -> str:
     """A table with real and imaginary parts of four entries."""
-    entries = {"dq": ("dd", "dq", "qd", "qq"), "pn": ("pp", "pn", "np", "nn")}[frame]
+    entries = {"dq": ENTRIES, "pn": ("pp", "pn", "np", "nn")}[frame]
     names = [f"Y{entry}_{part}" for entry in entries for part in ("re", "im")]
     rows = [
         ",".join(map(repr, [float(f), *one.ravel().view(float).tolist()]))
@@ -47,3 +49,40 @@ def test_sequence_entries_at_frequencies_of_the_network_are_read(tmp_path):
     """Law: the dq frequency is that of the network less f0."""
     sweep = of_text(tmp_path, text("f_network", "pn", FREQUENCY + 60), **POWERS).sweep
     assert np.allclose(sweep.points[0].frequency, FREQUENCY)
+
+
+def of_hdf5(path, key, number) -> Imported:
+    """What is made of an HDF5 file in which each entry has an attribute."""
+    with h5py.File(path, "w") as file:
+        file["f"] = FREQUENCY
+        for name, column in zip(ENTRIES, MATRIX.reshape(-1, 4).T, strict=True):
+            file[f"Y{name}"] = column
+            file[f"Y{name}"].attrs[key] = number
+    return import_files([path], **SAID, **POWERS)
+
+
+@pytest.mark.parametrize(
+    ("key", "number"),
+    [
+        ("scale", 1e-3),
+        ("Gain", 2.0),
+        ("factor", np.int32(5)),
+        ("multiplier", [0.5]),
+        ("Scale Factor", 0.5),
+        ("offset", 1.0),
+    ],
+)
+def test_factors_and_offsets_of_no_convention_are_refused(tmp_path, key, number):
+    with pytest.raises(SweepError, match=f"attribute {key} = .*call it .* or leave it out") as said:
+        of_hdf5(tmp_path / "scan.h5", key, number)
+    named = str(said.value).partition("call it ")[2].partition(",")[0]
+    taken = of_hdf5(tmp_path / "scan.h5", named, number).sweep
+    value = np.ravel(number)[0]
+    packed = MATRIX + value if named == "add_offset" else MATRIX * value
+    assert np.allclose(taken.points[0].admittance, packed)
+
+
+def test_factors_and_offsets_that_change_nothing_are_no_matter(tmp_path):
+    for key, number in (("scale", 1.0), ("gain", 1), ("offset", 0.0), ("scale", "linear")):
+        taken = of_hdf5(tmp_path / "scan.h5", key, number).sweep
+        assert np.allclose(taken.points[0].admittance, MATRIX)

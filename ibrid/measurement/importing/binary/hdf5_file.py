@@ -3,6 +3,7 @@ them.
 """
 
 import io
+import re
 from collections.abc import Iterator, Mapping
 from posixpath import basename, dirname, join, normpath
 from typing import Any
@@ -23,6 +24,11 @@ DEEPEST = 32
 #: What netCDF says of packed numbers: they are value * scale_factor + add_offset, and missing where
 #: the value is a mark.
 _PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
+#: How others call a factor of an array, or what is added to it, in small letters alone; and the
+#: value with which each changes nothing.
+_PERHAPS_PACKED = dict.fromkeys(
+    ("scale", "scaling", "scalefactor", "gain", "factor", "multiplier"), 1.0
+) | dict.fromkeys(("offset", "addoffset"), 0.0)
 #: Bounds beyond which numbers are missing, by the count of them; and what says that whole numbers
 #: have no sign.
 _VALID, _UNSIGNED = {"valid_range": 2, "valid_min": 1, "valid_max": 1}, "_Unsigned"
@@ -54,7 +60,7 @@ def hdf5_arrays(content: bytes) -> dict[str, np.ndarray]:
     `mat_arrays`.
 
     Raises ValueError for an array whose numbers lie in another file: this one would say what of the
-    disk is read.
+    disk is read; and for one with a factor or an offset that is not netCDF's.
     """
     file = package("h5py").File(io.BytesIO(content), "r")
     items: dict[str, Any] = {"": file}
@@ -193,6 +199,7 @@ def _value(path: str, item: Any, depth: int = 0) -> np.ndarray:
         value = np.array("".join(chr(int(code)) for code in value.ravel(order="F")))
     if value.size == 1 and value.dtype.kind in "OS":
         value = plain_text(value.ravel()[0])
+    _require_no_other_packing(path, value, item.attrs)
     return _unpacked(path, value, item.attrs)
 
 
@@ -261,6 +268,26 @@ def _unpacked(path: str, value: np.ndarray, attributes: Mapping[str, Any]) -> np
             marks = said[key].astype(value.dtype) if value.dtype.kind == "f" else said[key]
             missing |= np.isin(value, marks)
     return np.where(missing, np.nan, numbers) if missing.any() else numbers
+
+
+def _require_no_other_packing(path: str, value: np.ndarray, attributes: Mapping[str, Any]) -> None:
+    """Raise ValueError where an attribute of an array may be a factor of its numbers, or be added
+    to them, but no convention says so.
+    """
+    if value.size < 2 or value.dtype.kind not in "iufcV":
+        return
+    for key in attributes:
+        changes_nothing = _PERHAPS_PACKED.get(re.sub(r"[\W_]", "", key.lower()))
+        if changes_nothing is None or key in _PACKED:
+            continue
+        held = np.ravel(attributes[key])
+        if held.dtype.kind not in "iufc" or (held == changes_nothing).all():
+            continue
+        packed = _PACKED[0] if changes_nothing else _PACKED[1]
+        raise ValueError(
+            f"{path} has an attribute {key} = {held[0]:g}, which may still have to be applied to "
+            f"its numbers; call it {packed}, as netCDF does, if so, or leave it out"
+        )
 
 
 def _says_true(said: Any) -> bool:
