@@ -10,7 +10,7 @@ import pytest
 from fitted import TRUE, benchmark, evaluated, measured, problem_of, x_of
 
 import ibrid
-from ibrid.fit.identifiability import estimate_noise, visibility
+from ibrid.fit.identifiability import noise_of, visibility
 from ibrid.fit.ipopt import solve
 from ibrid.fit.least_squares import LEVENBERG
 from ibrid.fit.problem import Misfit
@@ -157,7 +157,7 @@ def test_intervals_of_a_diagram_that_misses_the_data_go_by_what_it_leaves_and_no
     boast = replace(sweep, points=tuple(replace(one, sigma=one.sigma / 10) for one in sweep.points))
     wrong = {**TRUE, "pll.kP_pll": 1.3 * TRUE["pll.kP_pll"]}
     problems = [problem_of(ibrid.parse_program(ANCHORED), data)[0] for data in (sweep, boast)]
-    (told, its_source), (boasted, _) = (estimate_noise(one, x_of(one, wrong)) for one in problems)
+    (told, its_source), (boasted, _) = (noise_of(one, x_of(one, wrong)) for one in problems)
     np.testing.assert_allclose(np.concatenate(boasted), np.concatenate(told), rtol=1e-9)
     assert np.all(told[0] > 5 * sweep.points[0].sigma)
     assert re.search(r"the sigma of the data times \d+\.?\d*, which the fit leaves", its_source)

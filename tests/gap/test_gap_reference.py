@@ -44,9 +44,9 @@ def test_without_nominal_values_the_textbook_program_explains_its_own_device(nam
     assert given is not None
     assert given.is_adequate()
     # draws about typical values alone end elsewhere
-    alone = dataset.refitter(given.convention).refit(diagram, [{}], draws=16)
+    alone = dataset.refitter(given.convention).fit(diagram, [{}], draws=16)
     assert alone is not None
-    assert alone.chi2 > 10 * alone.numbers
+    assert alone.chi2 > 10 * alone.measurement_count
 
 
 def test_the_tolerance_of_a_large_negative_gain_is_a_part_of_its_size():

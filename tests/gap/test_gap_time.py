@@ -165,7 +165,7 @@ def test_of_many_data_a_few_lead_to_the_minimum_of_all(monkeypatch):
     slow = SweepFitter(noise, VOCABULARY, prior, 0).fit(diagram, [{}], draws=8)
     assert led is not None
     assert slow is not None
-    assert led.numbers == slow.numbers == 60 * 4 * 8
+    assert led.measurement_count == slow.measurement_count == 60 * 4 * 8
     assert led.cost == pytest.approx(
         slow.cost, rel=1e-6
     )  # the same minimum, each to the end of its descent

@@ -130,7 +130,7 @@ def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose
     value, slopes = ended.misfit.evaluate_objective(ended.x)
     gradient, hessian = slopes()
     gain = 0.5 * gradient @ np.linalg.lstsq(hessian, gradient, rcond=1e-9)[0]  # of a step of Newton
-    assert value < 0.55 * ended.numbers  # half of chi2, of as many numbers
+    assert value < 0.55 * ended.measurement_count  # half of chi2, of as many numbers
     assert gain < 1e-3 * value
     freeze = next(limit for limit in LIMITS if limit.id == "pll_freeze")
     jumps = fitter.evaluate_values(diagram, (freeze,), VISIBLE)

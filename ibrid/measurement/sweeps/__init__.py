@@ -2,5 +2,5 @@
 noisy it is.
 
 From outside of `measurement`: `amplitudes`, `frequencies`, `interpolating`, `linearity`, `noise`,
-`quantities`, `sweep`. Imports nothing else of `measurement`.
+`operating_points`, `quantities`, `sweep`. Imports nothing else of `measurement`.
 """

@@ -17,7 +17,7 @@ from ibrid.analysis.new_data.experiments import (
 from ibrid.analysis.new_data.experiments import Experiment as Ranked
 from ibrid.devices.device_file import DeviceFile
 from ibrid.errors import IbridError
-from ibrid.plants.sweeping import operating_point
+from ibrid.measurement.sweeps.operating_points import operating_point
 from ibrid_search.opening.story import DeviceExperiment
 from ibrid_search.opening.structures import Structures
 
