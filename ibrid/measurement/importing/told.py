@@ -128,10 +128,12 @@ def _named_parts(stem: str) -> list[tuple[str, str, str, str, bool]]:
     turn it.
     """
     plain = _QUARTER.sub("", stem)
-    return [
-        (*found.groups(default=""), _DOUBTED_NAME.match(plain, found.end()) is not None)
-        for found in _IN_NAME.finditer(plain)
-    ]
+    parts = []
+    for found in _IN_NAME.finditer(plain):
+        letter, sign, value, unit = found.groups(default="")
+        is_doubted = _DOUBTED_NAME.match(plain, found.end()) is not None
+        parts.append((letter, sign, value, unit, is_doubted))
+    return parts
 
 
 def _named(stem: str) -> list[tuple[str, str, str, str]]:
