@@ -127,3 +127,14 @@ def test_a_small_file_that_unpacks_to_much_is_refused(tmp_path, monkeypatch):
     (tmp_path / "bomb.csv.gz").write_bytes(gzip.compress(b"0" * 1_000_000))
     with pytest.raises(ibrid.IbridError, match="once it is unpacked"):
         ibrid.read_events(tmp_path / "bomb.csv.gz")
+
+
+def test_an_out_file_that_begins_with_words_is_no_output_of_pscad_unless_it_is_described(tmp_path):
+    from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
+
+    for name, first in (("a.out", "! a comment"), ("b.out", "0.0 1 2"), ("c.out", "a title")):
+        (tmp_path / name).write_text(f"{first}\n0.1 2 3\n")
+    (tmp_path / "c.inf").write_text('PGB(1) Output Desc="Va"')
+    known = [is_pscad_output(tmp_path / f"{stem}.out") for stem in "abc"]
+    assert known == [False, True, True]
+    assert is_pscad_output(tmp_path / "none.out")

@@ -14,7 +14,7 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.formats import bundle
-from ibrid.measurement.formats.files import read_lines
+from ibrid.measurement.formats.files import head_lines, read_lines
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.own_files import announce
 
@@ -30,11 +30,27 @@ _ELEMENT = re.compile(r"<(?:Analog|Digital|Signal|Output|Channel)\b([^<>]*)>", r
 
 
 def is_pscad_output(path: Path) -> bool:
-    """Whether a file is output of PSCAD, or describes some."""
+    """Whether a file is output of PSCAD, or describes some.
+
+    Where nothing describes it, a file that begins with names or a comment is another table.
+    """
     suffix = bundle.suffix_of(path)
     if suffix in HOLDS:
-        return True
+        described = any(bundle.suffix_of(one) in DESCRIBES for one in _of_run(path))
+        return described or not _begins_with_words(path)
     return suffix in DESCRIBES and any(bundle.suffix_of(one) in HOLDS for one in _of_run(path))
+
+
+def _begins_with_words(path: Path) -> bool:
+    """Whether the first cell of a file is no number; False where it cannot be read."""
+    try:
+        first = next((line for line in head_lines(path) if line.strip()), "0")
+        float(first.split()[0])
+    except SweepError:
+        return False
+    except ValueError:
+        return True
+    return False
 
 
 def run_of(path: Path) -> str:
