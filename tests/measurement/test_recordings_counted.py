@@ -151,3 +151,32 @@ def test_set_points_are_listed_among_the_readings(tmp_path):
     notes = read(tmp_path, abc() | told).notes
     assert "read as - v_ref; v_ref [kV]; V times 1000, line to line, rms" in notes
     assert "read as - p_ref; p_ref [pu]; per unit" in notes
+
+
+def test_columns_that_are_not_read_are_said(tmp_path):
+    more = {f"theta_{number}": np.full_like(TIME, number) for number in range(9)}
+    said = {
+        name: read(tmp_path, table).records[0].remarks
+        for name, table in {"more": abc() | more, "none": abc()}.items()
+    }
+    listed = ", ".join(list(more)[:8])
+    assert f"not used: {listed} and 1 more" in said["more"]
+    assert [one for one in said["none"] if "not used" in one] == []
+
+
+def test_a_set_point_with_gaps_is_said_not_to_be_used(tmp_path):
+    told = np.where(TIME > 0.2, np.nan, 0.8)
+    record = read(tmp_path, abc() | {"p_ref [pu]": told}).records[0]
+    assert "not used: p_ref [pu]" in record.remarks
+    assert dict(record.told) == {}
+
+
+def test_a_minus_before_a_set_point_is_its_sign(tmp_path):
+    wrong = []
+    for name in ("-p_ref [pu]", "- p_ref [pu]", "−p_ref [pu]"):
+        record = read(tmp_path, abc() | {name: np.full_like(TIME, -0.8)}).records[0]
+        if last(record.told.get("p_ref", np.zeros(1))) != pytest.approx(0.8):
+            wrong.append((name, record.told))
+        if not any("read with the other sign" in one for one in record.remarks):
+            wrong.append((name, record.remarks))
+    assert wrong == []

@@ -15,6 +15,11 @@ _MINUS = re.compile(r"(?:^|\()\s*[-−–]\s*(?=[^\W\d_])")
 NEGATED = "read with the other sign, as the minus in their names says"
 
 
+def unsigned(name: str) -> str:
+    """The name without the minus that `without_signs` takes from it."""
+    return _MINUS.sub(lambda minus: "(" if "(" in minus[0] else "", name)
+
+
 def without_signs(table: ForeignTable) -> ForeignTable:
     """The table with the numbers that the names mean without their minus.
 

@@ -100,6 +100,10 @@ def recording_of(
     record = _records(table, family, names, whole)
     nominal = float(header.get("f0_hz") or f0_hz or 60.0)
     set_points = set_points_of(table, unit, header, nominal, whole)
+    used = {names[column.place] for column in family.columns.values()}
+    used |= {one.column for one in set_points.values()}
+    if unused := [name for name in names if name not in used]:
+        remarks = (*remarks, f"not used: {some(unused, 8)}")
     of_estimator = family.kind not in _INSTANTANEOUS
     unit_of_samples = "pu" if of_estimator else unit
     sizes = _sizes_of_set_points(header) if unit_of_samples == "si" else {}

@@ -11,6 +11,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.event_csv import TOLD
 from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.shapes.signed_names import unsigned
 from ibrid.measurement.importing.timed.signal_names import counted_in, size_of, split_unit
 from ibrid.measurement.importing.timed.voltage_kinds import kind_of_voltage
 
@@ -39,10 +40,10 @@ class SetPoint:
 
 
 def set_point_columns(names: Sequence[str]) -> dict[str, str]:
-    """p_ref, q_ref, v_ref, f_ref -> the first column of that name, whatever its unit."""
+    """p_ref, q_ref, v_ref, f_ref -> the first column of that name, whatever its unit and sign."""
     found: dict[str, str] = {}
     for name in names:
-        role = split_unit(name)[0].strip().lower()
+        role = split_unit(unsigned(name))[0].strip().lower()
         if role in TOLD:
             found.setdefault(role, name)
     return found
