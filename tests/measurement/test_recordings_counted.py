@@ -180,3 +180,31 @@ def test_a_minus_before_a_set_point_is_its_sign(tmp_path):
         if not any("read with the other sign" in one for one in record.remarks):
             wrong.append((name, record.remarks))
     assert wrong == []
+
+
+def test_a_unit_that_is_said_otherwise_than_in_the_name_is_said(tmp_path):
+    wrong = []
+    table = powers() | {"p [MW]": 1e3 * powers()["p [MW]"]}
+    cases = {
+        "3[kW]": "unit of p: kW as said, while its name says MW",
+        "p [MW][kW]": "unit of p: kW as said, while its name says MW",
+    }
+    for channel, remark in cases.items():
+        record = read(tmp_path, table, channels={"p": channel}).records[0]
+        if remark not in record.remarks or abs(record.rest.p - POWER.real[0]) > 1e-4:
+            wrong.append((channel, record.rest.p, record.remarks))
+    channels = {"p": "3[MW]", "v": "2[kV_LL]"}
+    remarks = read(tmp_path, powers(), channels=channels).records[0].remarks
+    assert (wrong, [one for one in remarks if "as said" in one]) == ([], [])
+
+
+def test_a_column_that_is_told_for_two_roles_is_refused(tmp_path):
+    silent = []
+    for channels in ("p=3,q=3", "p=3,q=p [MW]", "p=3[kW],q=3[kvar]"):
+        try:
+            read(tmp_path, powers(), channels=channels)
+            silent.append(channels)
+        except IbridError as reason:
+            if "channel 3 (p [MW]) must be told for one role; found p and q" not in str(reason):
+                silent.append((channels, str(reason)))
+    assert silent == []

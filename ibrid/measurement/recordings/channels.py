@@ -96,6 +96,18 @@ def chosen(channels: Sequence[Channel], told: Mapping[str, str], where: str) -> 
     return placed
 
 
+def require_one_role_each(placed: Mapping[str, int], names: Sequence[str], where: str) -> None:
+    """Raise SweepError where one channel is told for two roles."""
+    first: dict[int, str] = {}
+    for role, place in placed.items():
+        if place in first:
+            raise SweepError(
+                f"{where}: channel {place + 1} ({names[place][:40]}) must be told for one role; "
+                f"found {first[place]} and {role}, say another channel for one of them."
+            )
+        first[place] = role
+
+
 def role_of(channel: Channel) -> str:
     """va .. ic as name, unit and phase of a channel show it; "" for anything else."""
     compact = re.sub(r"[^a-z0-9]", "", channel.name.lower())

@@ -20,6 +20,7 @@ from ibrid.measurement.recordings.channels import (
     ToldChannels,
     channels_told,
     chosen,
+    require_one_role_each,
 )
 from ibrid.measurement.recordings.event_samples import Samples
 
@@ -58,6 +59,7 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
         for row in zip(arrays["name"], arrays["unit"], arrays["phase"], strict=True)
     ]
     place = chosen(known, told, where)
+    require_one_role_each(place, [channel.name for channel in known], where)
     between = set(BETWEEN) <= set(place)
     roles = (*(BETWEEN if between else PHASES[:3]), *PHASES[3:])
     time = arrays["time"]

@@ -11,7 +11,9 @@ from ibrid.measurement.importing.timed.signal_names import (
     counted_in,
     signal_of,
     size_of,
+    split_unit,
 )
+from ibrid.measurement.recordings.channels import require_one_role_each
 
 _ABC = ("va", "vb", "vc", "ia", "ib", "ic")
 _MAGNITUDES = tuple(f"{role}_{part}" for role in _ABC for part in ("mag", "ang"))
@@ -36,10 +38,12 @@ class SignalFamily:
     `kind` : "phases", "lines" (voltages between the phases), "dq", "phasors" (of three phases),
     "phasor" (one, or the positive sequence), "powers" or "currents" (of a voltage without an
     angle). `columns` : by role; t, record, sigma, f and an angle among them where they are there.
+    `remarks` : where a unit was said that is not that of the name.
     """
 
     kind: str
     columns: Mapping[str, Column]
+    remarks: tuple[str, ...] = ()
 
 
 def signals_of(names: Sequence[str]) -> list[ColumnSignal]:
@@ -97,7 +101,8 @@ def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> Sign
                 f"{used[0]}={several[used[0]][0] + 1} (its number) or its name."
             )
         extra = [role for role in ("t", "record", "sigma", "f", "v_ang") if role in taken]
-        return SignalFamily(kind, {role: taken[role] for role in (*needed, *extra)})
+        columns = {role: taken[role] for role in (*needed, *extra)}
+        return SignalFamily(kind, columns, _units_said_twice(columns, names, told))
     return None
 
 
@@ -136,6 +141,7 @@ def _taken(
     taken: dict[str, Column] = {}
     for role, text in told.items():
         taken[role] = _told(role, text, signals, names, where)
+    require_one_role_each({role: column.place for role, column in taken.items()}, names, where)
     used = {column.place for column in taken.values()}
     places: dict[str, list[int]] = {}
     for k, signal in enumerate(signals):
@@ -146,21 +152,44 @@ def _taken(
     return taken, {role: found for role, found in places.items() if len(found) > 1}
 
 
+def _units_said_twice(
+    columns: Mapping[str, Column], names: Sequence[str], told: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Remarks on units that `--channels` says otherwise than the names of their columns."""
+    remarks = []
+    for role in columns.keys() & told.keys():
+        name = names[columns[role].place]
+        (_, said), (_, written) = _with_unit(told[role], names), split_unit(name)
+        if not said or not written:
+            continue
+        counted = counted_in(said) | counted_in(f"{written} {name}")
+        opposite = {"line", "phase"} <= counted or {"rms", "peak"} <= counted
+        if size_of(said) != size_of(written) or opposite:
+            remarks.append(f"unit of {role}: {said} as said, while its name says {written}")
+    return tuple(sorted(remarks))
+
+
+def _with_unit(text: str, names: Sequence[str]) -> tuple[str, str]:
+    """Number or name of a channel, and the unit in brackets behind it, "" without one."""
+    bare = text.strip()
+    if bare in names or not bare.endswith("]") or "[" not in bare:
+        return bare, ""
+    channel, unit = bare[:-1].rsplit("[", 1)
+    return channel.strip(), unit.strip()
+
+
 def _told(
     role: str, text: str, signals: Sequence[ColumnSignal], names: Sequence[str], where: str
 ) -> Column:
     """The column that `--channels` names for a role, by number from 1 or by name, with its unit
     where one is said.
     """
-    bare, unit = text.strip(), ""
-    if bare not in names and bare.endswith("]") and "[" in bare:
-        bare, unit = (part.strip() for part in bare[:-1].rsplit("[", 1))
-        if size_of(unit) is None:
-            raise SweepError(
-                f"--channels {role}={text[:40]}: a unit must be V, A, W, var, s, Hz, deg or pu, "
-                "also with k, M or m; found "
-                f"{unit[:20]!r}."
-            )
+    bare, unit = _with_unit(text, names)
+    if bare != text.strip() and size_of(unit) is None:
+        raise SweepError(
+            f"--channels {role}={text[:40]}: a unit must be V, A, W, var, s, Hz, deg or pu, "
+            f"also with k, M or m; found {unit[:20]!r}."
+        )
     places = [k for k, name in enumerate(names) if name == bare]
     if not places and bare.isdigit() and 0 < int(bare) <= len(names):
         places = [int(bare) - 1]

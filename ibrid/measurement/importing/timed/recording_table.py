@@ -87,7 +87,7 @@ def recording_of(
         for role, column in columns.items()
     }
     time, remarks = _times(table, names[family.columns["t"].place], family.columns["t"])
-    remarks = (*table.remarks, *remarks)
+    remarks = (*table.remarks, *family.remarks, *remarks)
     unit = _unit(table, family, names, header)
     if not unit and family.kind not in _INSTANTANEOUS:
         size = next(value for role, value in values.items() if role[0] == "v")
