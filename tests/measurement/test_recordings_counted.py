@@ -208,3 +208,13 @@ def test_a_column_that_is_told_for_two_roles_is_refused(tmp_path):
             if "channel 3 (p [MW]) must be told for one role; found p and q" not in str(reason):
                 silent.append((channels, str(reason)))
     assert silent == []
+
+
+def test_names_of_a_voltage_may_say_how_it_is_counted(tmp_path):
+    wrong = []
+    sizes = {"U_LL": V_BASE, "V_LL_rms": V_BASE, "U_LN": PHASE_RMS, "U_peak": V_PEAK}
+    for name, size in sizes.items():
+        rest = read(tmp_path, powers(f"{name} [kV]", size / 1e3)).records[0].rest
+        if not np.allclose([rest.p, rest.q, rest.v], [POWER.real[0], POWER.imag[0], 1], atol=1e-4):
+            wrong.append((name, rest))
+    assert wrong == []

@@ -40,6 +40,8 @@ _COUNTED = {
     "line": "ll|l-l|line|linetoline|leiter",
     "phase": "ln|l-n|lg|l-g",
 }
+#: Those that stand behind the name of a voltage: U_LN, V_LL_rms, U peak.
+_COUNTED_WORD = re.compile(rf"[\s_]+({'|'.join(_COUNTED.values())})(?![A-Za-z])", re.IGNORECASE)
 #: Where a voltage or current was taken, written between its letter and its phase.
 _AT = "g|grid|pcc|poc|poi|out|[so](?=[dq])"
 #: How PowerFactory and EMTP begin the name of a variable: monitored, signal, bus, calculation,
@@ -94,6 +96,8 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
     dimension, factor = size_of(written) or ("", 1.0)
     counted = counted_in(f"{written} {name}")
     quantity, axis, part = _meaning(bare, phase)
+    if not quantity and counted and _meaning(_COUNTED_WORD.sub(" ", bare), phase) == ("v", "", ""):
+        quantity, part = "v", "mag"
     if quantity and dimension and not _fits(quantity, part, dimension):
         quantity, axis, part = "", "", ""
     if dimension == "angle" and part == "":
