@@ -86,3 +86,29 @@ def test_factors_and_offsets_that_change_nothing_are_no_matter(tmp_path):
     for key, number in (("scale", 1.0), ("gain", 1), ("offset", 0.0), ("scale", "linear")):
         taken = of_hdf5(tmp_path / "scan.h5", key, number).sweep
         assert np.allclose(taken.points[0].admittance, MATRIX)
+
+
+def remarks_of_files(tmp_path, **files) -> list[str]:
+    """What is remarked on files of one p and q each, of which the sweep has an operating point."""
+    paths = [tmp_path / f"{name}_P1_Q0.3.csv" for name in files]
+    for path, matrix in zip(paths, files.values(), strict=True):
+        path.write_text(text(matrix=matrix))
+    taken = import_files(paths, **SAID)
+    assert len(taken.sweep.points) == len(files)
+    return [one for one in taken.remarks if "have the same" in one]
+
+
+def test_points_with_one_steady_state_and_other_matrices_are_said(tmp_path):
+    (said,) = remarks_of_files(tmp_path, a=MATRIX, b=1.25 * MATRIX)
+    assert said.startswith("a_P1_Q0.3, b_P1_Q0.3 have the same p, q and v, but differ by 25 %")
+
+
+def test_the_same_table_twice_is_said(tmp_path):
+    (said,) = remarks_of_files(tmp_path, a=MATRIX, b=MATRIX)
+    assert said.startswith("a_P1_Q0.3, b_P1_Q0.3 have the same numbers")
+    both = remarks_of_files(tmp_path, a=MATRIX, b=MATRIX, c=2 * MATRIX)
+    assert [one.partition(" have")[0] for one in both] == [
+        "a_P1_Q0.3, b_P1_Q0.3",
+        "a_P1_Q0.3, c_P1_Q0.3",
+    ]
+    assert remarks_of_files(tmp_path, a=MATRIX) == []

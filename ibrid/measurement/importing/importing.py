@@ -24,6 +24,7 @@ from ibrid.measurement.formats.pscad import pscad_response
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
 from ibrid.measurement.importing.column_words import Meaning, entry_named, meaning_of
+from ibrid.measurement.importing.doubts.alike_points import mind_alike_points
 from ibrid.measurement.importing.dq_frequency import in_dq
 from ibrid.measurement.importing.foreign_part import OF_EACH, Part, part_of, per_unit
 from ibrid.measurement.importing.foreign_table import ForeignTable
@@ -180,6 +181,8 @@ def import_tables(
         ask_of_directions(parts, account)
     where = some(files, 1)
     sweep = None if account.questions else _sweep(parts, account, where)
+    if sweep is not None:
+        mind_alike_points(sweep, account)
     if (
         sweep is not None
         and len(sweep.points) >= _SINGLE

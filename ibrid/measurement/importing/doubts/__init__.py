@@ -1,0 +1,1 @@
+"""What rows and operating points of foreign tables say against themselves; it is said, not mended."""
