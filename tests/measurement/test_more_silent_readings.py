@@ -8,6 +8,7 @@ import pytest
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.importing import Imported, import_files
+from ibrid.measurement.quality.wrong_rows import NO_NUMBERS, NOT_MEASURED, wrong_rows
 
 FREQUENCY = np.geomspace(1.0, 1000.0, 12)
 MATRIX = np.array([[-1 + 0.25j, 0.125 - 0.5j], [0.0625, 1.5 - 2.375j]]) / (
@@ -112,3 +113,32 @@ def test_the_same_table_twice_is_said(tmp_path):
         "a_P1_Q0.3, c_P1_Q0.3",
     ]
     assert remarks_of_files(tmp_path, a=MATRIX) == []
+
+
+@pytest.mark.parametrize("number", [1e30, 9.96920996838687e36, 1e20, -999.0, 9999.0])
+def test_rows_of_a_number_for_nothing_measured_are_said_and_kept(tmp_path, number):
+    matrix = MATRIX.copy()
+    matrix[4] = number * (1 + 1j)
+    taken = of_text(tmp_path, text(matrix=matrix), **POWERS)
+    (said,) = [one for one in taken.remarks if "in all entries" in one]
+    assert f"(line 6) with {number:g} in all entries" in said
+    (point,) = taken.sweep.points
+    assert len(point.frequency) == len(FREQUENCY)
+    assert [(row.frequency, row.likely) for row in wrong_rows(point)] == [
+        (FREQUENCY[4], NOT_MEASURED)
+    ]
+
+
+def test_rows_of_zeros_are_named_beside_those_of_huge_numbers(tmp_path):
+    matrix = MATRIX.copy()
+    matrix[4], matrix[7] = 1e30, 0.0
+    taken = of_text(tmp_path, text(matrix=matrix), **POWERS)
+    found = [(row.frequency, row.likely) for row in wrong_rows(taken.sweep.points[0])]
+    assert found == [(FREQUENCY[4], NOT_MEASURED), (FREQUENCY[7], NO_NUMBERS)]
+
+
+def test_large_entries_of_their_own_are_no_fill_values(tmp_path):
+    """A small unit makes all numbers large, and no row has one number alone."""
+    taken = of_text(tmp_path, text(matrix=999 * MATRIX), **POWERS)
+    assert not [one for one in taken.remarks if "in all entries" in one]
+    assert wrong_rows(taken.sweep.points[0]) == ()

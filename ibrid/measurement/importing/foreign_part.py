@@ -31,6 +31,7 @@ from ibrid.measurement.importing.column_words import (
     unit_of,
     without_unit,
 )
+from ibrid.measurement.importing.doubts.fill_values import mind_fill_values
 from ibrid.measurement.importing.dq_frequency import Counting
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.frequency_unit import columns_of_keys, doubt_hertz, in_hertz
@@ -150,6 +151,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         used |= columns_of_keys(table.columns)
     unused = [name for name in table.columns if name not in used]
     _require_both_parts(table, [sources[name] for name in entries], unused)
+    entry_columns = [column for name in entries for column in sources[name].columns]
+    mind_fill_values(table, entry_columns, account)
     decibel = unsaid_decibels(table, [sources[name] for name in entries], account)
     values = [
         complex_numbers(table, sources[name], account, unsaid_decibel=decibel) for name in entries

@@ -49,6 +49,10 @@ CONTRADICTED, MENDS, UNEXPLAINED, FAR = 25.0, 50.0, 2500.0, 0.1
 MOST_WRONG = 0.2
 #: Of a row whose entries are all zero.
 NO_NUMBERS = "all entries zero, as cells that were not measured"
+#: Of a row with a number that stands for what was not measured; how large its entries, all of one
+#: size, are at least, and entries of any size, over |Y| in the median.
+NOT_MEASURED = "all entries as large as a number that programs write for what was not measured"
+ALL_ALIKE, BEYOND_ALL = 100.0, 1e12
 #: Part of a row that rounding moves: the least error of a prediction.
 ROUNDING = 1e-12
 
@@ -120,13 +124,19 @@ def _wrong_rows(frequency: bytes, admittance: bytes) -> tuple[WrongRow, ...]:
     hertz_of = np.frombuffer(frequency)
     values = np.frombuffer(admittance, dtype=complex).reshape(-1, 4)
     size = np.linalg.norm(values, axis=1)
-    nothing = size <= ROUNDING * size.max()
-    kept = np.flatnonzero(~nothing)
-    named = (
-        [WrongRow(float(one), tuple(ENTRIES), NO_NUMBERS, 1.0) for one in hertz_of[nothing]]
-        if len(kept)
-        else []
-    )
+    # a median, as a row of 1e30 would make nothing of all others
+    usual = np.median(size[size > 0]) if size.any() else 0.0
+    nothing = size <= ROUNDING * usual
+    filled = _filled(values, size, usual)
+    kept = np.flatnonzero(~(nothing | filled))
+    named = []
+    if len(kept):
+        for rows, words in ((nothing, NO_NUMBERS), (filled, NOT_MEASURED)):
+            apart = np.where(size > 0, size / usual, 1.0)[rows]
+            named += [
+                WrongRow(float(one), tuple(ENTRIES), words, float(far))
+                for one, far in zip(hertz_of[rows], apart, strict=True)
+            ]
     most = int(MOST_WRONG * len(kept))
     while FEWEST < len(kept) <= MOST and len(hertz_of) - len(kept) < most:
         odd = _first_contradicted(hertz_of[kept], values[kept])
@@ -136,6 +146,15 @@ def _wrong_rows(frequency: bytes, admittance: bytes) -> tuple[WrongRow, ...]:
         named.append(row)
         kept = np.delete(kept, place)
     return tuple(sorted(named, key=lambda row: row.frequency))
+
+
+def _filled(values: np.ndarray, size: np.ndarray, usual: float) -> np.ndarray:
+    """(K,) whether the entries (K, 4) of a row are a number that stands for none: all of one size
+    and far larger than others, or larger than any can be.
+    """
+    entries = np.abs(values)
+    alike = np.ptp(entries, axis=1) <= ROUNDING * entries.max(axis=1)
+    return (alike & (size > ALL_ALIKE * usual)) | (size > BEYOND_ALL * usual)
 
 
 def _first_contradicted(frequency: np.ndarray, values: np.ndarray) -> tuple[int, WrongRow] | None:

@@ -1,1 +1,1 @@
-"""What rows and operating points of foreign tables say against themselves; it is said, not mended."""
+"""What rows and operating points of foreign tables make doubtful: it is said, not mended."""
