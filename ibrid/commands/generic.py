@@ -23,11 +23,12 @@ def run(arguments: Namespace) -> int:
     folder = Path(arguments.out)
     require_folder(folder, (JSON, PAGE, DYR, ANDES))
     model, dialect = model_named(arguments.model), dialect_named(arguments.dialect)
-    if not arguments.id.isalnum() or len(arguments.id) > 2:
-        raise IbridError(f"--id has one or two letters or digits; found {arguments.id!r}")
-    bus, machine, start = arguments.bus, arguments.id, None
+    machine = arguments.id or "1"
+    if not machine.isalnum() or len(machine) > 2:
+        raise IbridError(f"--id has one or two letters or digits; found {machine!r}")
+    bus, start = arguments.bus, None
     if arguments.start is not None:
-        start, at, machine = values_from(read_dyr(arguments.start), model.blocks, bus)
+        start, at, machine = values_from(read_dyr(arguments.start), model.blocks, bus, arguments.id)
         bus = at
     events = inputs.events(arguments.events, inputs.said_of_events(arguments))
     answer = fit_generic_model(events, model.name, start=start, dialect=arguments.dialect)

@@ -10,13 +10,16 @@ from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
 
-from ibrid.errors import IbridError
+from ibrid.errors import IbridError, some
 from ibrid.foreign_data import text_in
 from ibrid.generic.block import LawBlock
 
 #: Models that NERC's list of acceptable models prohibits -> what to take in their place.
 PROHIBITED = {"REECB1": "REECA1 or REECD1", "GENCLS": "a model of the machine"}
-_RECORD = re.compile(r"\s*(\d{1,9})\s*,?\s*'([^']+)'\s*,?\s*'?\s*(\w+)\s*'?\s*,?\s*(.*)", re.DOTALL)
+# possessive (*+): blanks that several places may take would cost the cube of their number
+_RECORD = re.compile(
+    r"\s*+(\d{1,9})\s*+,?\s*+'([^']+)'\s*+,?\s*+'?\s*+(\w+)\s*+'?\s*+,?\s*+(.*)", re.DOTALL
+)
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ def _number(word: str, where: str) -> float:
     if word.startswith("'"):
         return 0.0
     try:
-        number = float(word)
+        number = float("" if "_" in word else word)
     except ValueError:
         number = nan
     if not isfinite(number):
@@ -74,28 +77,42 @@ def _number(word: str, where: str) -> float:
 
 
 def values_from(
-    records: Sequence[DyrRecord], blocks: Sequence[LawBlock], bus: int | None = None
+    records: Sequence[DyrRecord],
+    blocks: Sequence[LawBlock],
+    bus: int | None = None,
+    machine: str | None = None,
 ) -> tuple[dict[str, float], int, str]:
     """Values of all blocks by name, and the bus and id of their generator.
 
     Raises IbridError: a block is missing, prohibited, has another count of numbers or a flag that
-    is none; several generators have it and no bus is said, or its blocks are of different ones.
+    is none; several generators have it and neither bus nor id says which, its blocks are of
+    different ones, or one generator has it twice.
     """
     values = dict[str, float]()
     generators = set[tuple[int, str]]()
     for block in blocks:
         own = [record for record in records if record.model == block.dyr]
         own = [record for record in own if bus in (None, record.bus)]
+        own = [record for record in own if machine in (None, record.id)]
         if not own:
-            present = ", ".join(sorted({record.model for record in records})) or "nothing"
-            wrong = [name for name in PROHIBITED if name in present]
-            advice = f"; {wrong[0]} is prohibited by NERC, convert it to {PROHIBITED[wrong[0]]}"
+            places = sorted({f"{one.model} at bus {one.bus}, id {one.id}" for one in records})
+            wanted = "" if bus is None else f" at bus {bus}"
+            wanted += "" if machine is None else f" with id {machine}"
+            present = {record.model for record in records}
+            advice = [
+                f"; {name} is prohibited by NERC, convert it to {PROHIBITED[name]}"
+                for name in PROHIBITED
+                if name in present
+            ]
             raise IbridError(
-                f"the file must hold {block.dyr}; found {present}{advice if wrong else ''}"
+                f"the file must hold {block.dyr}{wanted}; found {some(places) or 'nothing'}"
+                f"{''.join(advice[:1])}"
             )
-        if len({(record.bus, record.id) for record in own}) > 1:
-            buses = ", ".join(str(record.bus) for record in own)
-            raise IbridError(f"{block.dyr} stands at buses {buses}; say which one: --bus")
+        if len(own) > 1:
+            places = [f"bus {record.bus}, id {record.id}" for record in own]
+            say = "say which one: --bus, --id"
+            say = say if len({*places}) > 1 else "leave out all but one"
+            raise IbridError(f"{block.dyr} stands at {some(places)}; {say}")
         record = own[0]
         numbers = record.numbers[len(block.places) :]
         if len(numbers) != len(block.names):
@@ -108,13 +125,13 @@ def values_from(
         values |= own_values
         generators.add((record.bus, record.id))
     if len(generators) > 1:
-        stands = " and ".join(f"bus {bus}, id {machine}" for bus, machine in sorted(generators))
+        stands = " and ".join(f"bus {at}, id {its_id}" for at, its_id in sorted(generators))
         raise IbridError(
             f"{', '.join(block.dyr for block in blocks)} must be of one generator; found {stands}, "
             "say which one: --bus"
         )
-    ((at, machine),) = generators
-    return values, at, machine
+    ((at, its_id),) = generators
+    return values, at, its_id
 
 
 def _require_choices(block: LawBlock, values: Mapping[str, float]) -> None:

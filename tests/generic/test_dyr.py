@@ -42,6 +42,11 @@ def test_records_have_as_many_numbers_as_wecc_says(tmp_path: Path):
         ("1 'REGCA1' 1 1 nan /\n", "must hold finite numbers; found 'nan'"),
         (REGCA1.replace("' 1 0.02", "' 7 0.02"), "Lvplsw of REGCA1 must be 0 or 1; found 7"),
         ("1 'REGCA1' 1 1 0.02\n", "end with a slash"),
+        ("1 'REGCA1' 1 1 0_02 /\n", "must hold finite numbers; found '0_02'"),
+        ("1 'GENROU' 1 1 0.02 /\n", "must hold REGCA1; found GENROU at bus 1, id 1"),
+        ("a,b\n1,2\n", "must hold REGCA1; found nothing"),
+        (REGCA1 + REGCA1, "leave out all but one"),
+        ("1 'A'" + 20_000 * " " + "!/\n", "a record is written bus 'MODEL' id numbers /"),
     ],
 )
 def test_a_wrong_file_is_one_sentence(tmp_path: Path, text: str, said: str):
@@ -55,6 +60,16 @@ def test_two_generators_need_a_bus(tmp_path: Path):
     with pytest.raises(IbridError, match="--bus"):
         values_from(records, MODEL.blocks)
     assert values_from(records, MODEL.blocks, 4)[1] == 4
+
+
+def test_two_machines_of_a_bus_need_an_id(tmp_path: Path):
+    texts = [dyr_text(MODEL.blocks, MODEL.typical, 3, machine) for machine in ("1", "2")]
+    records = read_dyr(written(tmp_path, "".join(texts)))
+    with pytest.raises(IbridError, match="--id"):
+        values_from(records, MODEL.blocks, 3)
+    assert values_from(records, MODEL.blocks, machine="2")[1:] == (3, "2")
+    with pytest.raises(IbridError, match="with id 7"):
+        values_from(records, MODEL.blocks, machine="7")
 
 
 def test_blocks_of_different_generators_make_no_plant(tmp_path: Path):
