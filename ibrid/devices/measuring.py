@@ -68,14 +68,19 @@ def measure(
         raise SweepError(
             "there must be an operating point to measure at; give one such as p=0.5,q=0"
         )
+    if len({one.name for one in points}) < len(points):
+        raise SweepError("operating points must have different p, q or v; found one twice.")
     grid = frequencies_of(frequency)
     file = opened.file
+    named = [device] if isinstance(device, str | Path) else []
+    _require_apart(out, [*named, file.file])
     multisine = multisine_for(grid, file.step_s, file.f0_hz, file.sampling_hz)
     kept = KeptPoints.beside(out, file, points, multisine, settings)
     for number, op in enumerate(points):
         if op.name not in kept.points:
             heard = partial(_heard, tell, op.name, number, len(points))
             kept.add(_measured_point(opened, op, multisine, settings, heard))
+        _require_apart(out, [*kept.points[op.name].files])
     measured = [kept.points[op.name] for op in points]
     sweep = Sweep(
         tuple(point.swept(multisine, settings.peak) for point in measured),
@@ -93,6 +98,14 @@ def measure(
     for sentence in filter(None, (point.warning(multisine.frequency) for point in measured)):
         warnings.warn(sentence, stacklevel=2)
     return sweep
+
+
+def _require_apart(out: str | Path | None, files: Sequence[str | Path]) -> None:
+    """Raise SweepError where the output would replace a file of which the device is made."""
+    if out is not None and any(
+        Path(one).exists() and Path(out).exists() and Path(out).samefile(one) for one in files
+    ):
+        raise SweepError(f"{out}: would replace a file of the device; choose another name.")
 
 
 def _measured_point(

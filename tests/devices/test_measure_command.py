@@ -169,6 +169,22 @@ EDITED = (
 )
 
 
+@pytest.mark.slow
+def test_a_sweep_replaces_no_file_of_the_device():
+    Path("helper.py").write_text("G = 1.0\n")
+    Path("model.py").write_text("import helper\n" + Path("model.py").read_text())
+    before = {name: Path(name).read_text() for name in ("DEVICE.toml", "model.py", "helper.py")}
+    for name in before:
+        with pytest.raises(ibrid.IbridError, match="would replace a file of the device"):
+            ibrid.measure("DEVICE.toml", ["p=0.5,q=0.2"], (50.0, 150.0), out=name)
+    assert {name: Path(name).read_text() for name in before} == before
+
+
+def test_an_operating_point_is_measured_once():
+    with pytest.raises(ibrid.IbridError, match="found one twice"):
+        ibrid.measure("DEVICE.toml", ["p=0.5,q=0", "p=0.5,q=0"], (50.0, 150.0))
+
+
 def test_a_sweep_is_not_named_as_a_measurement_that_is_not_finished():
     with pytest.raises(ibrid.IbridError, match=r"the ending \.part is that of a measurement"):
         ibrid.measure("DEVICE.toml", ["p=0.5,q=0.2"], (50.0, 150.0), out="s.part")
