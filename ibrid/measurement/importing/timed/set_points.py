@@ -41,12 +41,12 @@ class SetPoint:
 
 def set_point_columns(names: Sequence[str]) -> dict[str, str]:
     """p_ref, q_ref, v_ref, f_ref -> the first column of that name, whatever its unit and sign."""
-    found: dict[str, str] = {}
+    columns: dict[str, str] = {}
     for name in names:
         role = split_unit(unsigned(name))[0].strip().lower()
         if role in TOLD:
-            found.setdefault(role, name)
-    return found
+            columns.setdefault(role, name)
+    return columns
 
 
 def set_points_of(
@@ -63,12 +63,14 @@ def set_points_of(
 
     Raises SweepError where the unit of one is not said, or what kind of voltage it is.
     """
-    found: dict[str, SetPoint] = {}
+    set_points: dict[str, SetPoint] = {}
     for role, name in set_point_columns(list(table.columns)).items():
         values = table.columns[name]
         if values.dtype.kind == "f" and np.isfinite(values[whole]).all():
-            found[role] = _set_point(table.where, role, name, values[whole], unit, header, f0_hz)
-    return found
+            set_points[role] = _set_point(
+                table.where, role, name, values[whole], unit, header, f0_hz
+            )
+    return set_points
 
 
 def _set_point(
