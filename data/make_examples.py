@@ -38,7 +38,7 @@ def write_scan(path: Path) -> None:
     measured = sweep(PLANT, None, frequency_grid("5:5000:40"), noise_db=50.0, seed=1)
     book = Workbook()
     book.properties.created = book.properties.modified = datetime(2026, 1, 1)
-    sheet = book.active
+    sheet = book.worksheets[0]
     parts = [f"{part}(Y{entry}) [S]" for entry, _, _ in _ENTRIES for part in ("Re", "Im")]
     sheet.append(["P [kW]", "Q [kvar]", "f [Hz]", *parts])
     for point in measured.points:

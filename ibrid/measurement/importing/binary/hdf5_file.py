@@ -26,9 +26,10 @@ DEEPEST = 32
 _PACKED, _MISSING = ("scale_factor", "add_offset"), ("_FillValue", "missing_value")
 #: How others call a factor of an array, or what is added to it, in small letters alone; and the
 #: value with which each changes nothing.
-_PERHAPS_PACKED: dict[str, float] = dict.fromkeys(
-    ("scale", "scaling", "scalefactor", "gain", "factor", "multiplier"), 1.0
-) | dict.fromkeys(("offset", "addoffset"), 0.0)
+_PERHAPS_PACKED: dict[str, float] = {
+    **dict.fromkeys(("scale", "scaling", "scalefactor", "gain", "factor", "multiplier"), 1.0),
+    **dict.fromkeys(("offset", "addoffset"), 0.0),
+}
 #: Bounds beyond which numbers are missing, by the count of them; and what says that whole numbers
 #: have no sign.
 _VALID, _UNSIGNED = {"valid_range": 2, "valid_min": 1, "valid_max": 1}, "_Unsigned"
