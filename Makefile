@@ -25,7 +25,7 @@ $(STAMP): pyproject.toml
 	$(PYTHON) is $$($(PYTHON) --version 2>&1), name another: make PYTHON=/path/to/python3.11" >&2; exit 2; }
 	@test -x $(RUN) || $(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); echo "python -m venv failed; on Debian or Ubuntu \
 	install python3-venv" >&2; exit 2; }
-	@echo 'Setting up .venv (1 of 2): pip installs about 2 GB, a minute or two on a fast line'
+	@echo 'Setting up .venv (1 of 2): pip installs about 2 GB and is silent meanwhile'
 	$(RUN) -m pip install --quiet --disable-pip-version-check -e '.[dev]' -e ./search/policy
 	$(RUN) -m pip install --quiet --disable-pip-version-check --no-deps 'fmpy>=0.3.32'
 	@echo 'Setting up .venv (2 of 2): a first small fit compiles the kernels'

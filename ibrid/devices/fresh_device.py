@@ -16,6 +16,7 @@ from ibrid.devices.isolation.process import NO_HURRY, ProcessDevice, ProcessLimi
 from ibrid.devices.opening import TerminalDevice, open_here
 from ibrid.devices.python_device import PythonDevice
 from ibrid.errors import IbridError
+from ibrid.own_files import announce
 from ibrid.ranges import require_in_range
 
 
@@ -71,8 +72,10 @@ class FreshDevice:
         Raises IbridError for anything else.
         """
         if isinstance(device, str | Path):
+            announce(Path(device))
             device = read_device(device)
         if isinstance(device, DeviceFile):
+            announce(device.path)
             return cls(device, lambda: ProcessDevice(device, settings.limits), settings)
         if not callable(getattr(device, "step", None)):
             raise IbridError(
@@ -96,7 +99,10 @@ class FreshDevice:
 
     @contextmanager
     def bench(self) -> Iterator[DeviceBench]:
-        """A fresh device on the bench; its process ends with the block."""
+        """A fresh device on the bench; its process ends with the block.
+
+        Raises IbridError where an output is named as one of the files that the model read.
+        """
         device = self.make()
         try:
             yield DeviceBench(
@@ -106,6 +112,8 @@ class FreshDevice:
                 self.settings.longest_s,
                 self.file.settle_s,
             )
+            files_read = getattr(device, "files_read", list)()
+            announce(*map(Path, files_read))
         finally:
             close = getattr(device, "close", None)
             if close is not None:

@@ -11,13 +11,14 @@ import numpy as np
 from ibrid.border import takes_kinds
 from ibrid.devices.experiment import measure_response
 from ibrid.devices.fresh_device import USUAL, FreshDevice, MeasureSettings
-from ibrid.devices.kept_points import KeptPoints, MeasuredPoint, files_of
+from ibrid.devices.kept_points import PART, KeptPoints, MeasuredPoint, files_of
 from ibrid.devices.multisine import Multisine, multisine_for
 from ibrid.errors import SweepError
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
+from ibrid.own_files import writing_as
 from ibrid.plants.sweeping import operating_point
 from ibrid.telling import Tell
 
@@ -60,52 +61,43 @@ def measure(
     Raises
     ------
     IbridError : a device that cannot be opened, fails, crashes, hangs, answers no numbers, or does
-    not settle.
+    not settle; an `out` that is a file of the device.
     """
-    opened = FreshDevice.of(device, step_s, f0_hz, settings)
-    points = [operating_point(one) if isinstance(one, str) else one for one in operating_points]
-    if not points:
-        raise SweepError(
-            "there must be an operating point to measure at; give one such as p=0.5,q=0"
+    named = [] if out is None else [str(out), str(Path(out).with_suffix(PART))]
+    with writing_as("measure", named=named):
+        opened = FreshDevice.of(device, step_s, f0_hz, settings)
+        points = [operating_point(one) if isinstance(one, str) else one for one in operating_points]
+        if not points:
+            raise SweepError(
+                "there must be an operating point to measure at; give one such as p=0.5,q=0"
+            )
+        if len({one.name for one in points}) < len(points):
+            raise SweepError("operating points must have different p, q or v; found one twice.")
+        grid = frequencies_of(frequency)
+        file = opened.file
+        multisine = multisine_for(grid, file.step_s, file.f0_hz, file.sampling_hz)
+        kept = KeptPoints.beside(out, file, points, multisine, settings)
+        for number, op in enumerate(points):
+            if op.name not in kept.points:
+                heard = partial(_heard, tell, op.name, number, len(points))
+                kept.add(_measured_point(opened, op, multisine, settings, heard))
+        measured = [kept.points[op.name] for op in points]
+        sweep = Sweep(
+            tuple(point.swept(multisine, settings.peak) for point in measured),
+            f0_hz=file.f0_hz,
+            power_node="pcc",
+            s_base_va=file.s_base_va,
+            v_base_v=file.v_base_v,
+            sampling_hz=file.sampling_hz,
+            notes=(_how(multisine, settings), *(point.note for point in measured)),
+            source=f"device {Path(file.file).name}",
         )
-    if len({one.name for one in points}) < len(points):
-        raise SweepError("operating points must have different p, q or v; found one twice.")
-    grid = frequencies_of(frequency)
-    file = opened.file
-    named = [device] if isinstance(device, str | Path) else []
-    _require_apart(out, [*named, file.file])
-    multisine = multisine_for(grid, file.step_s, file.f0_hz, file.sampling_hz)
-    kept = KeptPoints.beside(out, file, points, multisine, settings)
-    for number, op in enumerate(points):
-        if op.name not in kept.points:
-            heard = partial(_heard, tell, op.name, number, len(points))
-            kept.add(_measured_point(opened, op, multisine, settings, heard))
-        _require_apart(out, [*kept.points[op.name].files])
-    measured = [kept.points[op.name] for op in points]
-    sweep = Sweep(
-        tuple(point.swept(multisine, settings.peak) for point in measured),
-        f0_hz=file.f0_hz,
-        power_node="pcc",
-        s_base_va=file.s_base_va,
-        v_base_v=file.v_base_v,
-        sampling_hz=file.sampling_hz,
-        notes=(_how(multisine, settings), *(point.note for point in measured)),
-        source=f"device {Path(file.file).name}",
-    )
-    if out is not None:
-        write_sweep(sweep, out, header=header)
-        kept.drop()
+        if out is not None:
+            write_sweep(sweep, out, header=header)
+            kept.drop()
     for sentence in filter(None, (point.warning(multisine.frequency) for point in measured)):
         warnings.warn(sentence, stacklevel=2)
     return sweep
-
-
-def _require_apart(out: str | Path | None, files: Sequence[str | Path]) -> None:
-    """Raise SweepError where the output would replace a file of which the device is made."""
-    if out is not None and any(
-        Path(one).exists() and Path(out).exists() and Path(out).samefile(one) for one in files
-    ):
-        raise SweepError(f"{out}: would replace a file of the device; choose another name.")
 
 
 def _measured_point(

@@ -170,14 +170,18 @@ EDITED = (
 
 
 @pytest.mark.slow
-def test_a_sweep_replaces_no_file_of_the_device():
+def test_what_is_measured_replaces_no_file_of_the_device(capsys):
     Path("helper.py").write_text("G = 1.0\n")
     Path("model.py").write_text("import helper\n" + Path("model.py").read_text())
     before = {name: Path(name).read_text() for name in ("DEVICE.toml", "model.py", "helper.py")}
     for name in before:
-        with pytest.raises(ibrid.IbridError, match="would replace a file of the device"):
+        with pytest.raises(ibrid.IbridError, match=r"would overwrite the input .*, the same file"):
             ibrid.measure("DEVICE.toml", ["p=0.5,q=0.2"], (50.0, 150.0), out=name)
+        words = ["measure", "DEVICE.toml", "--op", "p=0.5,q=0.2", "--event", "dip:0.6"]
+        assert main([*words, "--out", name]) == 2
+        assert "would overwrite" in capsys.readouterr().err
     assert {name: Path(name).read_text() for name in before} == before
+    assert not Path("helper.part").exists()
 
 
 def test_an_operating_point_is_measured_once():
