@@ -34,6 +34,8 @@ def test_plain_bases_are_taken():
         "S_base: 10 kVA, V_base: 400 V": {"s_base_va": 10e3, "v_base_v": 400.0},
         "three-phase inverter, Sn = 10 kVA": {"s_base_va": 10e3},
         "Un = 400 V (line to line)": {"v_base_v": 400.0},
+        "Un = 400 V phase-to-phase": {"v_base_v": 400.0},
+        "Rating: 10 kVA / 400 V": {"s_base_va": 10e3},
         "Sn = 10 kVA (3-phase); Un = 400 V rms": {"s_base_va": 10e3, "v_base_v": 400.0},
     }.items():
         if told(note) != expected or doubts_beside("scan", [note]):

@@ -41,11 +41,13 @@ _CHANGES = re.compile(_WORDS["of"]["changes"])
 #: Words behind Y or Z with which they are those of the inverter.
 _KNOWN_OF = re.compile(_WORDS["of"]["inverter"])
 #: A star, prime or dagger, which may conjugate; not the star of a product nor quotation marks.
-CONJUGATES = re.compile(
+CONJUGATE_SIGN = re.compile(
     r"\*(?!\s*[\w(|])|[A-Za-z]\*|[′†‡]|(?<=[YZyz])'|(?<=[YZyz][dqpn12]{2})'(?![,)])"
 )
 #: From which axis to which one: `q->d`.
-_ARROW = re.compile(r"([dqpn12])\s*(?:[-=]+>|→|⇒|\bto\b)\s*([dqpn12])(?![^\W_])", re.IGNORECASE)
+_ARROW = re.compile(
+    r"([dqpn12])\s*(?:[-=]+>|→|⇒|(?<![^\W_].)\s+to\s)\s*([dqpn12])(?![^\W_])", re.IGNORECASE
+)
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
 _ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
 _BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
@@ -100,7 +102,7 @@ class Meaning:
 def meaning_of(name: str) -> Meaning:
     """Read the name of a column; `Meaning()` where it says nothing known."""
     meaning = _meaning(name)
-    sign = CONJUGATES.search(without_unit(name)[0])
+    sign = CONJUGATE_SIGN.search(without_unit(name)[0])
     changed = _CHANGES.search(meaning.of)
     doubt = sign[0] if sign else changed[0] if changed else ""
     if not meaning.role or not doubt:

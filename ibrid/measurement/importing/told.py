@@ -4,6 +4,7 @@ comments and its name.
 
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from math import pi
 
 from ibrid.errors import SweepError
@@ -20,15 +21,16 @@ _PAIR = re.compile(
 #: What stands behind a number and belongs to it: up to the next mark, name of a number or end.
 _BEHIND = re.compile(r"(?:(?![,;|\n]|[^\W\d_][\w ./-]{0,20}[:=]).){0,40}")
 #: Words beside a base or a power with which it is another one than that of three phases, line to
-#: line and rms, or of power that is delivered; and a second number behind a slash.
-_OF_BASE = re.compile(
-    r"\b(l-?n|ln|(line.?)?(to.?)?neutral|per phase|peak|pk|pp|amplitude)\b|"
-    r"(?<!three)(?<!three.)(?<!\b3)(?<!\b3.)\bphase\b|\s/\s*\d",
-    re.IGNORECASE,
+#: line and rms, or of power that is delivered; and words that say just that.
+_OF_BASE = re.compile(r"\b(l-?n|neutral|phase|peak|pk|pp|amplitude)\b", re.IGNORECASE)
+_AS_USUAL = re.compile(
+    r"\b(three|3)[ -]?phase\b|\bphase[ -](to[ -])?phase\b|\bline[ -](to[ -])?line\b", re.IGNORECASE
 )
+#: A second number behind a slash: 230/400 V, 1/2.
+_SECOND = re.compile(r"\s*/\s*\d")
 _OF_POWER = re.compile(
     r"\b(load|consum\w*|absor\w*|import\w*|drawn|charging|ind|inductive|cap|capacitive|lag|lagging|"
-    r"lead|leading|under-?excited|over-?excited|per phase)\b|\s/\s*\d",
+    r"lead|leading|under-?excited|over-?excited|per phase)\b",
     re.IGNORECASE,
 )
 _DOUBTS = {"s_base_va": _OF_BASE, "v_base_v": _OF_BASE, "p": _OF_POWER, "q": _OF_POWER}
@@ -67,8 +69,8 @@ def numbers_beside(stem: str, notes: Iterable[str]) -> dict[str, tuple[float, st
     without P, Q and a unit is a version, as in `scan_v2`.
     """
     numbers: dict[str, tuple[float, str]] = {}
-    for name, value, unit, _ in _pairs(notes):
-        numbers.setdefault(name, (value, unit))
+    for pair in _pairs(notes):
+        numbers.setdefault(pair.name, (pair.value, pair.unit))
     named = _named(stem)
     letters = {letter.upper() for letter, *_ in named}
     for letter, sign, value, unit in named:
@@ -87,40 +89,57 @@ def doubts_beside(stem: str, notes: Iterable[str]) -> tuple[str, ...]:
     """What of bases and powers is not taken, since words beside it may make another of it; and what
     is told twice with different numbers, of which the first is taken.
     """
-    doubts, taken = [], dict[str, tuple[str, float]]()
-    for name, value, unit, context in _pairs(notes):
-        key = _key_of(name)
-        shown = f"{name} {value:g} {unit}".strip()
-        if _is_doubted(key, context):
-            doubts.append(f"{shown} is not taken, as {context.strip()!r} may turn it")
-            continue
-        size = value * (unit_of(unit) or ("", 1.0))[1]
-        first, before = taken.setdefault(key, (shown, size)) if key else (shown, size)
-        if before != size:
-            doubts.append(f"{first} is taken, while {shown} stands there too")
+    doubts = []
+    taken: dict[str, tuple[str, float]] = {}
+    for pair in _pairs(notes):
+        shown = f"{pair.name} {pair.value:g} {pair.unit}".strip()
+        if pair.doubt:
+            doubts.append(f"{shown} is not taken, as {pair.doubt!r} may make another of it")
+        elif pair.key:
+            size = pair.value * (unit_of(pair.unit) or ("", 1.0))[1]
+            first, before = taken.setdefault(pair.key, (shown, size))
+            if before != size:
+                doubts.append(f"{first} is taken, while {shown} stands there too")
     if doubted := {letter for letter, *_, is_doubted in _named_parts(stem) if is_doubted}:
         doubts.append(f"{', '.join(sorted(doubted))} of the name {stem} are not taken")
     return tuple(dict.fromkeys(doubts))
+
+
+@dataclass(frozen=True)
+class _Pair:
+    """`name = value unit` in a comment line.
+
+    key : what the name means, "" for nothing known. doubt : the words around, where one of them may
+    make another number of it, else "".
+    """
+
+    name: str
+    value: float
+    unit: str
+    key: str
+    doubt: str
+
+
+def _pairs(notes: Iterable[str]) -> Iterator[_Pair]:
+    for note in notes:
+        for match in _PAIR.finditer(note):
+            name, bracket, value, behind = match.groups(default="")
+            rest = _BEHIND.match(note, match.end())
+            after = rest[0] if rest else ""
+            key = _key_of(name)
+            words = " ".join(filter(None, (name, bracket, behind, after)))
+            is_one_of_two = not behind and _SECOND.match(after) is not None
+            is_doubted = key in _DOUBTS and (
+                is_one_of_two or _DOUBTS[key].search(_AS_USUAL.sub("", words)) is not None
+            )
+            doubt = words.strip() if is_doubted else ""
+            yield _Pair(name.strip(), _number(value), bracket or behind, key, doubt)
 
 
 def _key_of(name: str) -> str:
     """The key that the name of a number means; "" for none."""
     letters = letters_of(name)
     return next((key for key, pattern in _BASE_KEYS.items() if re.fullmatch(pattern, letters)), "")
-
-
-def _is_doubted(key: str, context: str) -> bool:
-    return key in _DOUBTS and _DOUBTS[key].search(context) is not None
-
-
-def _pairs(notes: Iterable[str]) -> Iterator[tuple[str, float, str, str]]:
-    """Name, number, unit and the words around of `name = value unit` in comment lines."""
-    for note in notes:
-        for found in _PAIR.finditer(note):
-            name, bracket, value, behind = found.groups()
-            after = _BEHIND.match(note, found.end())
-            words = (name, bracket or "", behind or "", after[0] if after else "")
-            yield name.strip(), _number(value), bracket or behind or "", " ".join(words)
 
 
 def _named_parts(stem: str) -> list[tuple[str, str, str, str, bool]]:
@@ -145,17 +164,14 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
     counts, and none that words beside it may turn.
     """
     entries: dict[str, Told | str] = {}
-    doubted = {name for name, *_, words in _pairs(notes) if _is_doubted(_key_of(name), words)}
+    doubted = {pair.name for pair in _pairs(notes) if pair.doubt}
     for name, (value, unit) in numbers_beside(stem, notes).items():
-        letters = letters_of(name)
         if name in doubted:
             continue
         if key := _key_of(name):
-            entries.setdefault(
-                key,
-                _in_hertz(_told(value, unit, name)) if key == "f0_hz" else _told(value, unit, name),
-            )
-        elif _OMEGA_0.fullmatch(letters):
+            told = _told(value, unit, name)
+            entries.setdefault(key, _in_hertz(told) if key == "f0_hz" else told)
+        elif _OMEGA_0.fullmatch(letters_of(name)):
             entries.setdefault("f0_hz", _in_hertz(_told(value, unit or "rad/s", name)))
     for note in notes:
         for name, word in _WORD.findall(note):

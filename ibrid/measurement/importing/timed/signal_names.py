@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-from ibrid.measurement.importing.column_words import CONJUGATES
+from ibrid.measurement.importing.column_words import CONJUGATE_SIGN
 
 _WORDS = tomllib.loads(
     (files("ibrid.measurement.importing.timed") / "signal_words.toml").read_text(encoding="utf-8")
@@ -91,7 +91,7 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
     bare, written = (name, unit) if unit.strip() else split_unit(name)
     if not written and (apart := _PER_UNIT.search(bare)):
         bare, written = f"{bare[: apart.start()]} {bare[apart.end() :]}".strip(), "pu"
-    if CONJUGATES.search(bare):
+    if CONJUGATE_SIGN.search(bare):
         return ColumnSignal()
     dimension, factor = size_of(written) or ("", 1.0)
     counted = counted_in(f"{written} {name}")
