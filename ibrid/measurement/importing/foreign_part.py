@@ -25,13 +25,18 @@ from ibrid.measurement.importing.column_numbers import (
 )
 from ibrid.measurement.importing.column_words import (
     Meaning,
-    is_known_word,
     letters_of,
     meaning_of,
     unit_of,
     without_unit,
 )
 from ibrid.measurement.importing.doubts.fill_values import mind_fill_values
+from ibrid.measurement.importing.doubts.units_at_rest import (
+    LARGEST_PU,
+    ask_units_of_powers,
+    ask_which_voltage,
+)
+from ibrid.measurement.importing.doubts.which_matrix import ask_which_matrix, mind_words
 from ibrid.measurement.importing.dq_frequency import Counting
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.frequency_unit import columns_of_keys, doubt_hertz, in_hertz
@@ -63,16 +68,8 @@ _A_GROUP_EACH = (
 #: Where the steady state stands of several tables, and in columns.
 OF_EACH = "p and q of each to its name (P0.8_Q0), its comments or its .meta (p: 0.8)"
 COLUMNS = "--map p=COLUMN[kW],q=COLUMN[kvar]"
-#: p and q above this are no per unit.
-_LARGEST_PU = 3.0
 #: Voltages of the base that need no word, per unit.
 _USUAL_V = 0.9, 1.1
-#: What rated voltage is of the base where it is counted otherwise, the unit that says so, and how
-#: near a voltage must be, as a part.
-_OTHER_VOLTS = {1 / np.sqrt(3): "V_LN", np.sqrt(2 / 3): "V_peak"}
-_NEAR_VOLTS = 0.03
-#: How near the product of Y and Z must be to the same multiple of one, as a part.
-_INVERSE = 0.02
 #: How near frequencies in Hz and in rad/s beside each other must be, as a part: as near as tables
 #: are printed.
 _SAME_FREQUENCY = 1e-3
@@ -160,7 +157,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
     matrix = np.stack([value for value, _ in values], axis=-1) * factor
     if not told.get("quantity"):
-        _require_inverse(table, sources, frame, matrix, account)
+        ask_which_matrix(table, sources, frame, matrix, account)
     if unsaid:
         f0 = number_said(told.get("f0_hz"))
         doubt_hertz(
@@ -177,7 +174,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
             f"{table.where}: --sequence-frequency {counted} says nothing of this matrix; leave it "
             "out."
         )
-    _mind_words(entries, sources, account)
+    mind_words(entries, sources, account)
     for name, (_, parts) in zip(entries, values, strict=True):
         shown = parts or unit_written(sources[name]) or told.get("unit") or "unit unknown"
         account.read(name, words_of(sources[name]), shown)
@@ -191,7 +188,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
         )
     network = frame == "positive" or (frame == "pn" and grid == "network")
     power = {role: _measured(table, sources.get(role), role, told, account) for role in "pqv"}
-    _require_units_of_powers(power, sources, account)
+    ask_units_of_powers(power, sources, account)
     by_row = [
         role
         for role in "pqv"
@@ -325,46 +322,6 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
         elif "re" in named and table.columns[named["re"]].dtype.kind == "c":
             sources[entry] = Source((named["re"],))
     return sources
-
-
-def _mind_words(entries: Sequence[str], sources: Mapping[str, Source], account: Account) -> None:
-    """Remark on a word behind Y or Z that may say more than whose matrix it is."""
-    names = [column for entry in entries for column in sources[entry].columns]
-    for word, name in {meaning_of(name).of: name for name in reversed(names)}.items():
-        if word == "inv":
-            account.remark(f"{name}: taken as of the inverter, not as an inverse")
-        elif not is_known_word(word):
-            account.remark(f"{name}: {word!r} is not known, taken as of the inverter")
-
-
-def _require_inverse(
-    table: ForeignTable,
-    sources: Mapping[str, Source],
-    frame: str,
-    admittance: np.ndarray,
-    account: Account,
-) -> None:
-    """Ask which matrix is meant where impedances stand beside the admittances and are not their
-    inverses, whatever the units.
-
-    admittance : (K, 4), row by row, in any unit.
-    """
-    names = [f"Z{entry}" for entry in ENTRIES.get(frame, ())]
-    if not names or not {*names, *(f"Y{name[1:]}" for name in names)} <= sources.keys():
-        return
-    if any(sources[name].joined == "@" for name in names):
-        return  # whose decibels and angles are asked for where they are read
-    values = [
-        complex_numbers(table, sources[name], account, unsaid_decibel=False)[0] for name in names
-    ]
-    product = admittance.reshape(-1, 2, 2) @ np.stack(values, axis=-1).reshape(-1, 2, 2)
-    size = np.nanmedian(np.trace(product, axis1=1, axis2=2)) / 2
-    if not np.nanmax(np.abs(product - size * np.eye(2))) < _INVERSE * abs(size):
-        account.ask(
-            "which of its matrices is meant, since Z is not the inverse of Y",
-            "--quantity Y",
-            "--quantity Z",
-        )
 
 
 def _is_reference(name: str) -> bool:
@@ -636,43 +593,10 @@ def _measured(
     )
     require_in_range(role, largest or 1.0, f"{table.where}: {role}")
     if role == "v" and in_volts(values, dimension) and "_" not in unit and source is not None:
-        _ask_of_voltage(values, f"v={name}", told, account)
-    if role != "v" and not dimension and largest > _LARGEST_PU:
+        ask_which_voltage(values, f"v={name}", told, account)
+    if role != "v" and not dimension and largest > LARGEST_PU:
         account.ask(f"the unit of {role} (up to {largest:g})", f"{place}[kW]", f"{place}[W]")
     return values, dimension
-
-
-def _require_units_of_powers(
-    power: Mapping[str, tuple[np.ndarray, str]], sources: Mapping[str, Source], account: Account
-) -> None:
-    """Ask for the unit of p or q where the other has one."""
-    for role, other in ("pq", "qp"):
-        values, dimension = power[role]
-        source = sources.get(role)
-        if dimension or power[other][1] != "power" or source is None or not source.columns:
-            continue
-        largest = np.nanmax(np.abs(values), initial=0.0)
-        if 0 < largest <= _LARGEST_PU and account.said.get(role) is None:
-            place = f"--map {role}={source.columns[0]}"
-            units = ("kW", "MW") if role == "p" else ("kvar", "Mvar")
-            account.ask(f"the unit of {role}", *(f"{place}[{unit}]" for unit in (*units, "pu")))
-
-
-def _ask_of_voltage(
-    values: np.ndarray, place: str, told: Mapping[str, Any], account: Account
-) -> None:
-    """Ask for the kind of a voltage in V that is not near the base, but near it as the rms or peak
-    value of a phase.
-    """
-    bases = bases_of(told, account)
-    per_base = float(np.nanmedian(values)) / (bases[1] if bases else 1.0)
-    for part, unit in _OTHER_VOLTS.items():
-        if bases and abs(per_base / part - 1) < _NEAR_VOLTS:
-            account.ask(
-                f"which voltage v is ({per_base:.3g} of the base)",
-                f'--map "{place}[V_LL]" (between the phases, rms)',
-                f'--map "{place}[{unit}]"',
-            )
 
 
 def _mind_powers(
@@ -729,7 +653,7 @@ def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
 def in_volts(values: np.ndarray, dimension: str) -> bool:
     """Whether voltages are not per unit: by their unit, or their size where they have none."""
     return dimension == "voltage" or (
-        not dimension and np.nanmax(np.abs(values), initial=0.0) > _LARGEST_PU
+        not dimension and np.nanmax(np.abs(values), initial=0.0) > LARGEST_PU
     )
 
 

@@ -1,1 +1,1 @@
-"""What rows and operating points of foreign tables make doubtful: it is said, not mended."""
+"""What of a foreign table is doubtful: it is said or asked for, not mended."""

@@ -9,7 +9,7 @@ import numpy as np
 from ibrid.errors import SweepError
 
 #: What a voltage of 1 per unit is, as a part of v_base_v.
-_KINDS = {
+KINDS = {
     "line to line, rms": 1.0,
     "line to line, peak": np.sqrt(2),
     "of a phase, rms": 1 / np.sqrt(3),
@@ -40,17 +40,17 @@ def kind_of_voltage(
     size = float(np.median(np.abs(values[: max(len(values) // 20, 8)]))) / v_base_v
     possible = [
         kind
-        for kind in _KINDS
+        for kind in KINDS
         if all(_SAID[word][0] in kind and _SAID[word][1] not in kind for word in counted)
         and (kind != "line to line, peak" or {"line", "peak"} <= counted)
     ]
     fits = sorted(
-        (kind for kind in possible if abs(size / _KINDS[kind] - 1) < _NEAR),
-        key=lambda kind: abs(np.log(size / _KINDS[kind])),
+        (kind for kind in possible if abs(size / KINDS[kind] - 1) < _NEAR),
+        key=lambda kind: abs(np.log(size / KINDS[kind])),
     )
     named = possible if len(possible) == 1 else []
     if len(fits) > 1:
-        near = " or ".join(f"{kind} at {size / _KINDS[kind]:.3g} per unit" for kind in fits)
+        near = " or ".join(f"{kind} at {size / KINDS[kind]:.3g} per unit" for kind in fits)
         raise SweepError(
             f"{called} begins at {size * v_base_v:.4g} V, which may be {near}; say its "
             f"unit: {column}[V_LL], [V_LN] or [V_peak]."
@@ -63,4 +63,4 @@ def kind_of_voltage(
             f"{v_base_v / np.sqrt(3):.4g} V of one nor a peak of these; check --base, or say its "
             f"unit: {column}[kV_LL], [kV_LN] or [kV_peak]."
         )
-    return chosen[0], _KINDS[chosen[0]] * v_base_v
+    return chosen[0], KINDS[chosen[0]] * v_base_v
