@@ -7,10 +7,10 @@ import pytest
 from collecting import each_of
 from fitted import benchmark, evaluated, measured
 from ibrid_search.opening import planning
-from ibrid_search.opening.device_data import INTEGRATED, data_of
-from ibrid_search.opening.planning import coarse, frequencies_for, held_out
+from ibrid_search.opening.device_data import INTEGRATED, join_measurements
+from ibrid_search.opening.planning import coarse_sweeps, frequencies_for, held_out_experiments
 from ibrid_search.opening.story import DeviceExperiment
-from ibrid_search.opening.structures import Structures, refitted
+from ibrid_search.opening.structures import Structures, refit_structures
 from scipy.interpolate import CubicSpline
 
 import ibrid
@@ -41,7 +41,7 @@ def test_what_is_held_out_was_not_measured(tmp_path: Path):
         DeviceExperiment("sweep", op, "", file=f"{op}.csv") for op in ("p=0.8,q=0", "p=0.2,q=0")
     ]
     done.append(DeviceExperiment("event", "p=0.8,q=0", "", "dip:0.3", file="dip.csv"))
-    sweep, event, step = held_out(made, done)
+    sweep, event, step = held_out_experiments(made, done)
     assert sweep.op not in [experiment.op for experiment in done]
     assert not {*sweep.frequencies} & {*frequencies_for(made)}
     assert event.event.partition(":")[0] == "phase"
@@ -54,13 +54,13 @@ def test_a_device_without_references_is_held_out_where_it_rests(tmp_path: Path):
     done = [
         DeviceExperiment("sweep", "p=0.5,q=0", "", frequencies=frequencies_for(made), file="a.csv")
     ]
-    sweep, _, step = held_out(made, done)
+    sweep, _, step = held_out_experiments(made, done)
     assert sweep.op == "p=0.5,q=0"
     assert step.event.startswith("step:")
 
 
 def test_the_coarse_sweep_says_why_each_set_point_is_measured(tmp_path: Path):
-    first, second = coarse(device(tmp_path), ("p=0.8,q=0", "p=0.2,q=0"))
+    first, second = coarse_sweeps(device(tmp_path), ("p=0.8,q=0", "p=0.2,q=0"))
     assert first.why != second.why
     assert first.frequencies == second.frequencies
 
@@ -73,7 +73,7 @@ def test_sweeps_are_joined_with_the_deviation_that_sampling_leaves(tmp_path: Pat
     write_sweep(sweep, tmp_path / "a.csv")
     done = [DeviceExperiment("sweep", "p=0.8,q=0.2", "", file="a.csv")] * 2
     done.append(DeviceExperiment("sweep", "p=9,q=9", "", refused="does not rest there"))
-    joined, events = data_of(done, tmp_path, 1e-4)
+    joined, events = join_measurements(done, tmp_path, 1e-4)
     assert events is None
     assert joined.names == ("p=0.8,q=0.2", "p=0.8,q=0.2 again 1")
     time = np.arange(200)
@@ -117,7 +117,7 @@ def test_the_best_experiment_is_made_where_it_promises_enough(
     monkeypatch.setattr(planning, "experiments", lambda *_: ranking(*told))
     monkeypatch.setattr(planning, "with_twins", lambda *both: both)
     known = Structures(("a" * 32,), ())
-    plan = planning.ranked_first(device(tmp_path), known, [], ("p=0.8,q=0",), 1.0)
+    plan = planning.choose_experiment(device(tmp_path), known, [], ("p=0.8,q=0",), 1.0)
     assert (plan.experiment is None) == bool(ending)
     assert ending in plan.ending
     if plan.experiment is not None:
@@ -132,11 +132,11 @@ def test_an_experiment_that_was_made_is_not_made_again(
     monkeypatch.setattr(planning, "with_twins", lambda *both: both)
     known = Structures(("a" * 32, "b" * 32), ())
     done = [DeviceExperiment("sweep", "p=0,q=0", "")]
-    plan = planning.ranked_first(device(tmp_path), known, done, ("p=0.8,q=0",), 1.0)
+    plan = planning.choose_experiment(device(tmp_path), known, done, ("p=0.8,q=0",), 1.0)
     assert plan.experiment is not None
     assert plan.experiment.op == "p=0.1,q=0"
     done.append(plan.experiment)
-    plan = planning.ranked_first(device(tmp_path), known, done, ("p=0.8,q=0",), 1.0)
+    plan = planning.choose_experiment(device(tmp_path), known, done, ("p=0.8,q=0",), 1.0)
     assert plan.ending == "every experiment among those that are ranked was made"
 
 
@@ -147,7 +147,7 @@ def test_a_structure_that_new_data_exclude_is_ruled_out():
     names = ("a" * 32, "b" * 32)
     records = tuple(evaluated(name, restarts=0) for name in ("gfl_exact", "gfl_pll_filter_exact"))
     fitted: list[str] = []
-    left = refitted(Structures(names, records), sweep, None, fitted.append)
+    left = refit_structures(Structures(names, records), sweep, None, fitted.append)
     assert fitted == ["aaaaaaaa", "bbbbbbbb"]
     assert left.names == ("b" * 32,)
     assert left.ruled_out == ("aaaaaaaa: odds of more than 1e+06 to 1 against it",)

@@ -28,7 +28,7 @@ INTEGRATED = 1e-4
 _SIMULATED = re.compile(r"([0-9.e+-]+) s simulated with")
 
 
-def measured(
+def measure_experiment(
     device: DeviceFile, experiment: DeviceExperiment, folder: Path, name: str, tell: Tell
 ) -> DeviceExperiment:
     """Measure an experiment into the file `name`.csv of the folder; the experiment with its file.
@@ -38,7 +38,7 @@ def measured(
     path = inside(folder, f"{name}.csv")
     if experiment.kind == "event":
         events = measure_events(device, [experiment.op], [experiment.event], tell=tell)
-        record = _renamed(events.records[0], f"{experiment.event} at {experiment.op}")
+        record = _rename(events.records[0], f"{experiment.event} at {experiment.op}")
         write_events(replace(events, records=(record,)), path)
         simulated = float(record.time[-1])
     else:
@@ -48,7 +48,7 @@ def measured(
     return replace(experiment, file=path.name, sha256=digest_of(path), simulated_s=simulated)
 
 
-def data_of(
+def join_measurements(
     experiments: Sequence[DeviceExperiment], folder: Path, step_s: float
 ) -> tuple[Sweep, Events | None]:
     """Join all sweeps, and all records of events, None without any.
@@ -61,24 +61,26 @@ def data_of(
     sweeps = [read_sweep(folder / swept.file) for swept in done if swept.kind == "sweep"]
     points: list[PointSweep] = []
     for point in (point for sweep in sweeps for point in sweep.points):
-        name = _unused(point.op.name, [earlier.op.name for earlier in points])
-        points.append(replace(_doubted(point, step_s), op=replace(point.op, name=name)))
+        name = _unused_name(point.op.name, [earlier.op.name for earlier in points])
+        points.append(
+            replace(_with_integration_error(point, step_s), op=replace(point.op, name=name))
+        )
     recorded = [folder / event.file for event in done if event.kind == "event"]
     whole = replace(sweeps[0], points=tuple(points), notes=())
-    return whole, joined_events(recorded) if recorded else None
+    return whole, join_events(recorded) if recorded else None
 
 
-def joined_events(files: Sequence[Path]) -> Events:
+def join_events(files: Sequence[Path]) -> Events:
     """Join the records of one or more files."""
     recordings = [read_events(file) for file in files]
     records: list[EventRecord] = []
     for record in (record for events in recordings for record in events.records):
-        name = _unused(record.name, [earlier.name for earlier in records])
-        records.append(_renamed(record, name))
+        name = _unused_name(record.name, [earlier.name for earlier in records])
+        records.append(_rename(record, name))
     return replace(recordings[0], records=tuple(records), notes=())
 
 
-def _doubted(point: PointSweep, step_s: float) -> PointSweep:
+def _with_integration_error(point: PointSweep, step_s: float) -> PointSweep:
     """The point with the deviation that integration and sampling leave."""
     size = np.linalg.norm(point.admittance, axis=(1, 2))
     sampled = (2 * np.pi * point.frequency * step_s) ** 4 / 720
@@ -87,7 +89,7 @@ def _doubted(point: PointSweep, step_s: float) -> PointSweep:
     return replace(point, sigma=np.hypot(known, left[:, None, None]))
 
 
-def _unused(name: str, taken: Collection[str]) -> str:
+def _unused_name(name: str, taken: Collection[str]) -> str:
     """The name, or with "again" and a number where it is taken."""
     number = 1
     free = name
@@ -97,5 +99,5 @@ def _unused(name: str, taken: Collection[str]) -> str:
     return free
 
 
-def _renamed(record: EventRecord, name: str) -> EventRecord:
+def _rename(record: EventRecord, name: str) -> EventRecord:
     return replace(record, rest=replace(record.rest, name=name))

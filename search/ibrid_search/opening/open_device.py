@@ -22,12 +22,24 @@ from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.own_files import also_reading, writing_as
 from ibrid.telling import Tell
 from ibrid.writing import inside, require_folder, write_whole
-from ibrid_search.opening.device_data import data_of, joined_events, measured
+from ibrid_search.opening.device_data import join_events, join_measurements, measure_experiment
 from ibrid_search.opening.page import PAGE, RECORDINGS, write_page
-from ibrid_search.opening.planning import COARSE, coarse, deep_dip, held_out, ranked_first
+from ibrid_search.opening.planning import (
+    COARSE,
+    DEEP,
+    choose_experiment,
+    coarse_sweeps,
+    deep_dip,
+    held_out_experiments,
+)
 from ibrid_search.opening.predicting import played_error, prediction_error
 from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory, digest_of, read_story
-from ibrid_search.opening.structures import Structures, differences, refitted, searched
+from ibrid_search.opening.structures import (
+    Structures,
+    names_gone,
+    refit_structures,
+    search_structures,
+)
 from ibrid_search.run.run_folder import require_no_run
 
 #: Evaluations of a search, by effort.
@@ -64,7 +76,7 @@ def open_device(
     points : operating points of the coarse sweep, two where none are named.
     budget : experiments at most, the coarse ones included; the three that are held out come on
         top.
-    gain : bits that an experiment must promise (`planning.ranked_first`).
+    gain : bits that an experiment must promise (`planning.choose_experiment`).
     effort : of each search, one of `EVALUATIONS`.
 
     Returns the story, which story.json and report.html in the folder tell.
@@ -112,8 +124,14 @@ class _Opening:
         tell: Tell,
         story: OpeningStory,
     ) -> None:
-        self.device, self.folder, self.points, self.budget = device, folder, points, budget
-        self.gain, self.effort, self.seed, self.tell = gain, effort, seed, tell
+        self.device = device
+        self.folder = folder
+        self.points = points
+        self.budget = budget
+        self.gain = gain
+        self.effort = effort
+        self.seed = seed
+        self.tell = tell
         self.kept = story.experiments
         settings = {
             "points": list(points),
@@ -128,37 +146,37 @@ class _Opening:
 
     def run(self) -> OpeningStory:
         """Go through all of it."""
-        for experiment in coarse(self.device, self.points):
-            self._make(experiment, must=True)
-        known = self._identified()
+        for experiment in coarse_sweeps(self.device, self.points):
+            self._measure(experiment, must=True)
+        known = self._identify()
         limits: dict[str, Any] = {}
         ending = ""
         while not ending:
             left = self.budget - len(self.story.experiments)
             is_settled = known.answer.grade == EXPLAINED and len(known.names) == 1
-            dipped = any(one.event.startswith("dip:0.3") for one in self.story.experiments)
+            dipped = any(one.event == DEEP for one in self.story.experiments)
             if left <= 0:
                 ending = f"the budget of {self.budget} experiments is used"
             elif is_settled and dipped:
                 ending = "the answer explains all sweeps, and no rival is left"
             elif is_settled or (left == 1 and not dipped):
-                self._make(deep_dip(self.points[0]))
-                known, limits = self._limited(known)
+                self._measure(deep_dip(self.points[0]))
+                known, limits = self._find_limits(known)
             else:
                 done = self.story.experiments
-                plan = ranked_first(self.device, known, done, self.points, self.gain)
+                plan = choose_experiment(self.device, known, done, self.points, self.gain)
                 if plan.experiment is not None:
-                    self._make(plan.experiment)
-                    known = self._narrowed(known)
+                    self._measure(plan.experiment)
+                    known = self._narrow(known)
                 elif dipped:
                     ending = plan.ending
                 else:
-                    self._make(deep_dip(self.points[0]))
-                    known, limits = self._limited(known)
+                    self._measure(deep_dip(self.points[0]))
+                    known, limits = self._find_limits(known)
                     ending = plan.ending
-        return self._concluded(known, limits, ending)
+        return self._conclude(known, limits, ending)
 
-    def _make(self, experiment: DeviceExperiment, *, must: bool = False) -> None:
+    def _measure(self, experiment: DeviceExperiment, *, must: bool = False) -> None:
         """Measure an experiment, or take what was kept of it; a refusal of the device is told."""
         number = len(self.story.experiments)
         if number < len(self.kept) and _same(self.kept[number], experiment):
@@ -167,7 +185,7 @@ class _Opening:
             self.kept = ()
             heard = partial(self._heard, f"experiment {number + 1}")
             try:
-                done = measured(
+                done = measure_experiment(
                     self.device, experiment, self.folder, f"{experiment.kind}_{number + 1}", heard
                 )
             except IbridError as error:
@@ -186,42 +204,42 @@ class _Opening:
         rest = self.kept[len(story.experiments) :]
         replace(story, experiments=(*story.experiments, *rest)).write(self.folder)
 
-    def _identified(self) -> Structures:
+    def _identify(self) -> Structures:
         """The first answer, and what the search ruled out."""
-        known = self._searched()
-        self._learned(known, known.ruled_out)
+        known = self._search()
+        self._note_answer(known, known.ruled_out)
         return known
 
     def _data(self) -> tuple[Sweep, Events | None]:
         """All that was measured for fits."""
-        return data_of(self.story.experiments, self.folder, self.device.step_s)
+        return join_measurements(self.story.experiments, self.folder, self.device.step_s)
 
-    def _searched(self) -> Structures:
+    def _search(self) -> Structures:
         sweep, _ = self._data()
         self.searches += 1
         heard = partial(self._heard, f"search {self.searches}")
         folder = self.folder / f"search_{self.searches}"
-        return searched(sweep, folder, EVALUATIONS[self.effort], self.seed, heard)
+        return search_structures(sweep, folder, EVALUATIONS[self.effort], self.seed, heard)
 
-    def _narrowed(self, known: Structures) -> Structures:
+    def _narrow(self, known: Structures) -> Structures:
         """The structures that the newest experiment leaves; searched anew where none explains."""
         newest = self.story.experiments[-1]
         if newest.refused:
             return known
         sweep, events = self._data()
         heard = partial(self._heard, "identification")
-        left = refitted(known, sweep, events, lambda name: heard(f"fits {name}", 0.5))
+        left = refit_structures(known, sweep, events, lambda name: heard(f"fits {name}", 0.5))
         excluded = list(left.ruled_out)
         explains = left.answer.grade == EXPLAINED
         if not explains and newest.kind == "sweep" and self.searches < SEARCHES:
-            found = self._searched()
-            gone = differences(left.names, found.names)
+            found = self._search()
+            gone = names_gone(left.names, found.names)
             excluded += [f"{name}: does not explain the new sweep" for name in gone]
             left = found
-        self._learned(left, excluded)
+        self._note_answer(left, excluded)
         return left
 
-    def _limited(self, known: Structures) -> tuple[Structures, dict[str, Any]]:
+    def _find_limits(self, known: Structures) -> tuple[Structures, dict[str, Any]]:
         """What a deep dip shows that the sweep does not."""
         newest = self.story.experiments[-1]
         if newest.refused:
@@ -233,7 +251,7 @@ class _Opening:
             error = None
         if error is not None and error < MISSED:
             sentence = f"no limit acts in {newest.event}: the answer predicts it to {error:.2g}"
-            self._learned(known, [sentence])
+            self._note_answer(known, [sentence])
             return known, {"sentence": sentence, "nrmse": error}
         sweep, _ = self._data()
         self._heard("limits", "what is missing", 0.5)
@@ -248,9 +266,9 @@ class _Opening:
             )
         except IbridError as problem:
             sentence = f"the answer misses {newest.event}, and no limit was named: {problem}"
-            self._learned(known, [sentence])
+            self._note_answer(known, [sentence])
             return known, {"sentence": sentence, "nrmse": error}
-        self._learned(known, [gap.sentence])
+        self._note_answer(known, [gap.sentence])
         values = dict(gap.repaired.settings.get("large_signal") or {})
         told = {"sentence": gap.sentence, "nrmse": error, "verdict": str(gap.verdict)}
         if values:
@@ -260,7 +278,7 @@ class _Opening:
             return with_limits, {**told, "limits": json.loads(json.dumps(values, default=str))}
         return known, told
 
-    def _learned(self, known: Structures, excluded: Sequence[str]) -> None:
+    def _note_answer(self, known: Structures, excluded: Sequence[str]) -> None:
         """Write into the newest experiment what followed from it."""
         *before, newest = self.story.experiments
         answer = known.answer
@@ -273,7 +291,7 @@ class _Opening:
         )
         self._tell_story(replace(self.story, experiments=(*before, newest)))
 
-    def _concluded(self, known: Structures, limits: dict[str, Any], ending: str) -> OpeningStory:
+    def _conclude(self, known: Structures, limits: dict[str, Any], ending: str) -> OpeningStory:
         """Write the answer and predict what no fit saw."""
         answer = known.answer
         write_whole(inside(self.folder, MODEL), answer.program)
@@ -290,10 +308,10 @@ class _Opening:
         self.kept = ()
         measured_before = self.story.held_out
         self._tell_story(replace(self.story, ending=ending, answer=told, held_out={}))
-        for experiment in held_out(self.device, self.story.experiments):
+        for experiment in held_out_experiments(self.device, self.story.experiments):
             name = "step" if experiment.event.startswith(("p_ref", "step")) else experiment.kind
             earlier = measured_before.get(name, {})
-            predicted = self._predicted(answer, experiment, name, earlier)
+            predicted = self._predict(answer, experiment, name, earlier)
             self._tell_story(replace(self.story, held_out={**self.story.held_out, name: predicted}))
         self._write_recordings()
         sweep, _ = self._data()
@@ -307,9 +325,9 @@ class _Opening:
         names += [self.story.held_out[name].get("file", "") for name in ("event", "step")]
         files = [self.folder / name for name in filter(None, names)]
         if files:
-            write_events(joined_events(files), inside(self.folder, RECORDINGS))
+            write_events(join_events(files), inside(self.folder, RECORDINGS))
 
-    def _predicted(
+    def _predict(
         self,
         answer: Record,
         experiment: DeviceExperiment,
@@ -327,7 +345,9 @@ class _Opening:
         else:
             heard = partial(self._heard, f"held-out {name}")
             try:
-                done = measured(self.device, experiment, self.folder, f"held_out_{name}", heard)
+                done = measure_experiment(
+                    self.device, experiment, self.folder, f"held_out_{name}", heard
+                )
             except IbridError as problem:
                 return {**told, "refused": f"not measured: {problem}"}
             told |= {"file": done.file, "sha256": done.sha256, "simulated_s": done.simulated_s}

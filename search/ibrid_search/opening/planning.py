@@ -53,7 +53,7 @@ def frequencies_for(device: DeviceFile, *, count: int = COUNT) -> tuple[float, .
     return tuple(float(f"{hz:.4g}") for hz in np.geomspace(LOWEST, highest, count))
 
 
-def coarse(device: DeviceFile, points: Sequence[str]) -> tuple[DeviceExperiment, ...]:
+def coarse_sweeps(device: DeviceFile, points: Sequence[str]) -> tuple[DeviceExperiment, ...]:
     """Experiments that begin the story."""
     why = (
         "the coarse sweep, from which the first structure is identified",
@@ -75,7 +75,7 @@ def deep_dip(op: str) -> DeviceExperiment:
     return DeviceExperiment("event", op, why, DEEP)
 
 
-def ranked_first(
+def choose_experiment(
     device: DeviceFile,
     known: Structures,
     done: Sequence[DeviceExperiment],
@@ -141,7 +141,9 @@ def _not_worth_it(best: Ranked, ranking: Sequence[Ranked], gain: float) -> str:
     )
 
 
-def held_out(device: DeviceFile, done: Sequence[DeviceExperiment]) -> tuple[DeviceExperiment, ...]:
+def held_out_experiments(
+    device: DeviceFile, done: Sequence[DeviceExperiment]
+) -> tuple[DeviceExperiment, ...]:
     """One sweep, one event and one step at an operating point that no fit saw; of a device without
     references at its own, at other frequencies.
     """

@@ -82,7 +82,7 @@ class _SearchProgress(Progress):
         self._said(done + best, min(snapshot.evaluations / self._evaluations, 1.0))
 
 
-def searched(
+def search_structures(
     sweep: Sweep,
     folder: Path,
     evaluations: int,
@@ -115,7 +115,7 @@ def searched(
         raise IbridError(
             f"{folder}: no diagram is valid for these measurements; look at them with ibrid inspect"
         )
-    left, lost = _weighed(list(fits.values()))
+    left, lost = _weigh(list(fits.values()))
     ruled_out = [
         f"{shipped[fit.name]}: {fit.record.grade}, NRMSE {fit.record.nrmse:.2g}"
         for fit in lost
@@ -128,7 +128,7 @@ def searched(
     return _structures(left[: MOST + 1], ruled_out)
 
 
-def refitted(
+def refit_structures(
     known: Structures, sweep: Sweep, events: Events | None, said: Callable[[str], None]
 ) -> Structures:
     """Fit every open structure to all data, and leave out what they now rule out."""
@@ -137,28 +137,28 @@ def refitted(
     for name, record in zip(known.names, known.records, strict=True):
         said(short_name(name))
         try:
-            fits.append(_fitted(name, record, sweep, events))
+            fits.append(_fit_to_all(name, record, sweep, events))
         except IbridError as error:
             restless.append(f"{short_name(name)} has no rest in the data ({error})")
     if not fits:
         return known
-    left, lost = _weighed(fits)
+    left, lost = _weigh(fits)
     best = min(left, key=lambda fit: fit.information)
     return _structures(left, [*restless, *(_odds_against(fit, best) for fit in lost)])
 
 
-def differences(before: Sequence[str], after: Sequence[str]) -> tuple[str, ...]:
+def names_gone(before: Sequence[str], after: Sequence[str]) -> tuple[str, ...]:
     """Return hashes that are in the first and no more in the second."""
     return tuple(short_name(name) for name in before if name not in after)
 
 
-def _fitted(name: str, record: Record, sweep: Sweep, events: Events | None) -> _Fit:
+def _fit_to_all(name: str, record: Record, sweep: Sweep, events: Events | None) -> _Fit:
     """A structure fitted to all data; IbridError where it has no fit."""
     if events is not None:
         fitted, information = fit_and_score(
             build_event_problem(record.diagram, sweep, None, events, {})
         )
-        return _Fit(name, fitted, information, _issues(fitted))
+        return _Fit(name, fitted, information, _count_issues(fitted))
     fitted = evaluate(record.diagram, sweep)
     if fitted.nrmse is None:
         raise IbridError("; ".join(fitted.reasons) or "it has no fit")
@@ -168,7 +168,7 @@ def _fitted(name: str, record: Record, sweep: Sweep, events: Events | None) -> _
 def _fit_to_sweep(name: str, record: Record, sweep: Sweep) -> _Fit:
     """A fit with its Bayesian information criterion."""
     count = measured_numbers(sweep.points)
-    issues = _issues(record)
+    issues = _count_issues(record)
     free = record.free_parameters + SCREENING.implausibility_cost * issues
     if record.over_noise is not None:
         misfit = count * record.over_noise**2
@@ -177,11 +177,11 @@ def _fit_to_sweep(name: str, record: Record, sweep: Sweep) -> _Fit:
     return _Fit(name, record, misfit + log(count) * free, issues)
 
 
-def _issues(record: Record) -> int:
+def _count_issues(record: Record) -> int:
     return count_issues(record.diagram, record, record.vocabulary).total
 
 
-def _weighed(fits: Sequence[_Fit]) -> tuple[list[_Fit], list[_Fit]]:
+def _weigh(fits: Sequence[_Fit]) -> tuple[list[_Fit], list[_Fit]]:
     """Those that are left, the answer first, and those that are ruled out."""
     best = min(fits, key=lambda fit: fit.information)
     left = [fit for fit in fits if _log_odds(fit, best) <= log(EQUALLY_GOOD.odds)]
