@@ -118,7 +118,7 @@ def test_a_reference_inverter_is_opened_and_gone_on_with(capsys, monkeypatch):
     assert breach(content, "open") is None
     assert "What was measured, and why" in Path("run/report.html").read_text()
     # nothing is measured twice, and the answer is the same
-    monkeypatch.setattr(open_device, "measured", lambda *_: pytest.fail("measures again"))
+    monkeypatch.setattr(open_device, "measure_experiment", lambda *_: pytest.fail("measures again"))
     Path("run/report.html").unlink()
     assert main([*options, "--resume"]) == 0
     assert read_story(Path("run")) == story
