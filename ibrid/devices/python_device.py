@@ -56,7 +56,10 @@ class PythonDevice:
 
     def _three_currents(self, answer: Any, t: float) -> np.ndarray:
         """The answer of one step as (3,) real numbers."""
-        currents = np.asanyarray(answer)
+        try:
+            currents = np.asanyarray(answer)
+        except ValueError:  # rows of different lengths
+            currents = np.asanyarray(None)
         if currents.shape != (3,):
             raise IbridError(
                 f"{self._device.file}: step must answer three currents, i_a, i_b, i_c; "

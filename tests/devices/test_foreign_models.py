@@ -121,6 +121,8 @@ BEGUN = (
     "subprocess.Popen(['sleep', '1000'])",
     "subprocess.Popen(['sleep', '1000'], start_new_session=True)",
     "multiprocessing.Process(target=time.sleep, args=[1000], daemon=True).start()",
+    "subprocess.Popen(['sleep', '1000.25'], start_new_session=True, env={})",
+    "subprocess.run(['sh', '-c', 'sleep 1000.25 &'], start_new_session=True, env={})",
 )
 
 
@@ -143,9 +145,34 @@ def test_what_a_model_begins_ends_with_it_and_answers_nothing(deed: str, tmp_pat
 
 def _is_a_models(process: psutil.Process) -> bool:
     try:
+        if "1000.25" in process.cmdline():
+            return True
         return Path(process.environ().get("TMPDIR", "")).name.startswith(f"ibrid-{os.getpid()}-")
     except psutil.Error:
         return False
+
+
+FORGED = """
+import os
+
+
+class Inverter:
+    p_ref = q_ref = 0.0
+
+    def step(self, t, v_abc):
+        for number in range(3, 20):
+            try:
+                os.write(number, b'{"numbers": 1}\\n' + bytes(24))
+            except OSError:
+                pass
+        return -0.5 * v_abc
+"""
+
+
+@pytest.mark.slow
+def test_a_model_that_writes_into_our_answers_is_one_sentence(tmp_path: Path):
+    with pytest.raises(IbridError, match=r"answered 1 samples where [0-9]+ were asked for"):
+        ibrid.measure(device(tmp_path, FORGED), ["p=0.5,q=0.2"], FREQUENCY)
 
 
 FILES = {

@@ -18,6 +18,7 @@ import numpy as np
 
 from ibrid.devices.describing import describe_here
 from ibrid.devices.device_file import DeviceFile, SignalMeaning
+from ibrid.devices.isolation.descendants import adopt_orphans, end_descendants
 from ibrid.devices.isolation.files_read import FilesRead
 from ibrid.devices.opening import TerminalDevice, open_here
 from ibrid.devices.power_stage import PowerStage
@@ -53,6 +54,7 @@ def serve() -> None:
     """The life of the process: the device is opened, then played, until nobody asks any more."""
     answers = _quiet_output()
     _limit_memory()
+    adopt_orphans()
     born = os.getpid()
     files = FilesRead()
     questions: SimpleQueue[Message] = SimpleQueue()
@@ -140,6 +142,7 @@ def _listen(questions: "SimpleQueue[Message]") -> None:
     """Hand on what is asked; at the end of it the process ends, whatever the model does."""
     for message in _messages(sys.stdin.buffer):
         questions.put(message)
+    end_descendants(os.getpid())
     os._exit(0)
 
 

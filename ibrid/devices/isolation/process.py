@@ -20,6 +20,7 @@ import psutil
 from ibrid.devices.describing import Description
 from ibrid.devices.device_file import DeviceFile
 from ibrid.devices.isolation.child import NOTHING, Message, plain_device, receive, send
+from ibrid.devices.isolation.descendants import ENDING_S, end_descendants, end_processes_with
 from ibrid.errors import IbridError
 from ibrid.hanging import HangWatch, processor_seconds
 
@@ -36,8 +37,6 @@ class ProcessLimits:
     look_s: float = 0.1
 
 
-#: Seconds in which a process whose output has ended ends itself, or is ended.
-ENDING_S = 10.0
 #: The usual ones.
 NO_HURRY = ProcessLimits()
 
@@ -90,12 +89,19 @@ class ModelProcess:
 
     def close(self) -> None:
         """End the process and those that it began, and take its temporary files away."""
-        self._process.kill()
+        self._end()
         self._process.wait()
         end_processes_with("TMPDIR", self._folder.name)
         with suppress(OSError):  # what was written and never read
             cast(BinaryIO, self._process.stdin).close()
         self._folder.cleanup()
+
+    def _end(self) -> None:
+        """Stop the process, so that it begins no others, end those that it began, then itself."""
+        with suppress(psutil.Error, OSError):
+            psutil.Process(self._process.pid).suspend()
+        end_descendants(self._process.pid)
+        self._process.kill()
 
     def ask(self, line: dict[str, Any], numbers: np.ndarray = NOTHING) -> Message:
         """What the process answers.
@@ -126,7 +132,7 @@ class ModelProcess:
             except Empty:
                 why = watch.why_it_hangs()
             if why:
-                self._process.kill()
+                self._end()
                 raise IbridError(
                     f"{self._what}: hangs, its process {why}; look for a loop without end in the "
                     "model"
@@ -161,6 +167,7 @@ class ProcessDevice:
     """
 
     def __init__(self, device: DeviceFile, limits: ProcessLimits = NO_HURRY) -> None:
+        self._what = device.file
         self._step_s = device.step_s
         self._process = ModelProcess(device.file, limits)
         try:
@@ -181,23 +188,17 @@ class ProcessDevice:
 
     def play(self, first: int, v: np.ndarray) -> np.ndarray:
         _, i = self._process.ask({"first": first, "step_s": self._step_s}, v)
+        if i.shape != v.shape:
+            raise IbridError(
+                f"{self._what}: answered {len(i)} samples where {len(v)} were asked for; something "
+                "in the model writes where its answers go, let it write to files of its own"
+            )
         return i
 
     def files_read(self) -> list[str]:
         """Paths of the files that the model was made of so far."""
         answer, _ = self._process.ask({"files": True})
         return list(answer["files"])
-
-
-def end_processes_with(variable: str, value: str) -> None:
-    """End every process of ours whose environment says so: what a model began and left behind."""
-    killed = []
-    for process in psutil.process_iter():
-        with suppress(psutil.Error, OSError):
-            if process.environ().get(variable) == value:
-                process.kill()
-                killed.append(process)
-    psutil.wait_procs(killed, timeout=ENDING_S)
 
 
 def described(file: str | Path) -> Description:
