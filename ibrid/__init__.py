@@ -39,7 +39,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid.modules.kind import ModuleKind, Range
     from ibrid.modules.large_signal import LargeSignal
     from ibrid.modules.vocabulary import PAPER_VOCABULARY, VOCABULARY
-    from ibrid.plants.benchmarks import benchmarks
+    from ibrid.plants.benchmarks import benchmarks, examples
     from ibrid.plants.sweeping import sweep
     from ibrid.report.pages.page import write_report
     from ibrid.signals import Signal
@@ -74,6 +74,7 @@ __all__ = [
     "compare",
     "evaluate",
     "evaluate_events",
+    "examples",
     "export",
     "find_gap",
     "from_frd",
@@ -118,6 +119,7 @@ HOMES = {
     "evaluate": "ibrid.evaluation.evaluate",
     "evaluate_events": "ibrid.gap.recordings.joint_fit",
     "Events": "ibrid.measurement.recordings.events",
+    "examples": "ibrid.plants.benchmarks",
     "export": "ibrid.export.formats",
     "find_gap": "ibrid.gap.workflow",
     "FitSettings": "ibrid.fit.settings",

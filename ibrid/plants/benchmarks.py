@@ -1,4 +1,4 @@
-"""Where the sweeps that ship with ibrid lie."""
+"""Where the data that ship with ibrid lie."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -12,10 +12,25 @@ def benchmarks() -> Mapping[str, Path]:
 
     Raises IbridError when the data folder is missing.
     """
+    return FrozenDict({path.stem: path for path in sorted(_data_folder().glob("*.csv"))})
+
+
+def examples() -> Mapping[str, Path]:
+    """Name -> file or folder of every shipped example, as in data/examples of the repository.
+
+    Files are named with their ending ("scan.xlsx"); a folder ("hidden_loop") holds what belongs to
+    one device.
+
+    Raises IbridError when the data folder is missing.
+    """
+    return FrozenDict({path.name: path for path in sorted((_data_folder() / "examples").iterdir())})
+
+
+def _data_folder() -> Path:
     package = Path(__file__).resolve().parents[1]
     for folder in (package / "data", package.parent / "data"):
         if (folder / "paper_like.csv").is_file():
-            return FrozenDict({path.stem: path for path in sorted(folder.glob("*.csv"))})
+            return folder
     raise IbridError(
         f"the shipped sweeps must lie in {package / 'data'} or {package.parent / 'data'}; neither "
         "has paper_like.csv, "

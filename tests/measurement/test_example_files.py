@@ -48,3 +48,23 @@ def test_the_example_files_are_what_their_script_writes(tmp_path):
             for folder in (tmp_path, EXAMPLES)
         )
         assert np.abs(made - shipped).max() < 1e-4 * np.abs(shipped).max(axis=0).max()
+
+
+@pytest.mark.slow
+def test_the_cases_of_the_notebooks_are_what_their_script_writes(tmp_path):
+    written = runpy.run_path(str(DATA / "make_cases.py"))
+    for name in written["HIDDEN"]:
+        written["write_hidden"](name, tmp_path)
+    written["write_bench_stand_in"](tmp_path / "bench_stand_in.csv")
+    written["write_unmeasured_point"](tmp_path / "random_05_half_power.csv")
+    sweeps = sorted(tmp_path.rglob("*.csv"))
+    assert len(sweeps) == len(written["HIDDEN"]) + 2
+    for made in sweeps:
+        shipped = ibrid.read_sweep(EXAMPLES / made.relative_to(tmp_path))
+        for ours, theirs in zip(ibrid.read_sweep(made).points, shipped.points, strict=True):
+            np.testing.assert_allclose(ours.admittance, theirs.admittance, rtol=1e-6, atol=1e-9)
+
+
+def test_every_example_is_found_by_its_name():
+    assert set(ibrid.examples()) == {path.name for path in EXAMPLES.iterdir()}
+    assert ibrid.read_sweep(ibrid.examples()["hidden_loop"] / "sweep.csv").names

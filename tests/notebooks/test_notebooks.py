@@ -1,7 +1,9 @@
-"""Every notebook runs from top to bottom; each ends by asserting the numbers that its text
-states.
+"""Every notebook carries what it shows, and runs from top to bottom; each ends by asserting the
+numbers that its text states.
 """
 
+import re
+from importlib import import_module
 from pathlib import Path
 
 import nbformat
@@ -10,7 +12,8 @@ from nbclient import NotebookClient
 
 from ibrid.measurement.hardware import VARIABLE, hardware_sweeps
 
-NOTEBOOKS = sorted((Path(__file__).resolve().parents[2] / "notebooks").glob("*.ipynb"))
+ROOT = Path(__file__).resolve().parents[2]
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
 #: Runs on measured data where they are, else on a simulated stand-in.
 HARDWARE = "04_missing_effect_on_hardware"
 
@@ -37,12 +40,36 @@ def test_there_are_notebooks():
     assert HARDWARE in [path.stem for path in NOTEBOOKS]
 
 
-def test_notebooks_are_kept_without_outputs():
+def test_notebooks_carry_the_outputs_of_their_code(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.syspath_prepend(ROOT / "docs" / "making")
+    pages = import_module("notebook_pages")
     for path in NOTEBOOKS:
-        cells = [
-            cell for cell in nbformat.read(path, as_version=4).cells if cell.cell_type == "code"
-        ]
-        assert not any(cell.outputs or cell.execution_count for cell in cells), path.name
+        assert pages.is_current(nbformat.read(path, as_version=4)), (
+            f"{path.name} changed since it was run: make notebooks"
+        )
+
+
+def test_no_notebook_shows_an_error_or_a_folder_of_this_machine():
+    for path in NOTEBOOKS:
+        for cell in nbformat.read(path, as_version=4).cells:
+            for output in cell.get("outputs", []):
+                assert output.output_type != "error", path.name
+                assert not re.search(r"/(?:home|root|work|tmp)/", str(output)), path.name
+
+
+def test_notebooks_need_what_is_installed_alone():
+    for path in NOTEBOOKS:
+        code = "\n".join(
+            cell.source
+            for cell in nbformat.read(path, as_version=4).cells
+            if cell.cell_type == "code"
+        )
+        assert "ibrid_bench" not in code, path.name
+
+
+def test_outputs_of_notebooks_stay_small():
+    for path in NOTEBOOKS:
+        assert path.stat().st_size < 600_000, path.name
 
 
 @pytest.mark.nightly
