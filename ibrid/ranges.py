@@ -30,6 +30,7 @@ LIMITS = {
     "freq_hz": Bounds("Hz", 1e-12, 1e12),
     "rate": Bounds("samples per second", 0.0, 1e12),
     "recorded": Bounds("samples", 1.0, 2e7),
+    "ranked": Bounds("s", 0.0, 20.0),
     "scr": Bounds("", 1e-6, 1e9),
     "xr": Bounds("", 1e-6, 1e9),
     "grid": Bounds("per unit", 0.0, 1e6),

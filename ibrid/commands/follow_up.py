@@ -104,9 +104,9 @@ def _checked(path: str, name: str, value: Any) -> Any:
             f"{str(value)[:60]}"
         )
     if name in ("events", "parameters"):
-        from ibrid.playback.recording import event_of
+        from ibrid.analysis.new_data.event_answers import event_to_rank
 
-        known = event_of if name == "events" else bool
+        known = event_to_rank if name == "events" else bool
         if (
             isinstance(value, list)
             and len(value) <= 50

@@ -274,6 +274,7 @@ def test_the_command_prints_a_ranking_and_its_json(tmp_path, capsys):
         ("v = [0]", "v must be"),
         ("count = 0", "count must be a whole number"),
         ('events = ["dip"]', "an event is written dip:0.6"),
+        ('events = ["dip:0.5,for=1e6"]', "must be 0 to 20 s; found 1e+06"),
         ("events = 3", "events must be a list such as"),
         ('parameters = "pll.kI_pll"', "parameters must be a list such as"),
         ('parameters = ["pll.kI"]', "no free parameter 'pll.kI'"),

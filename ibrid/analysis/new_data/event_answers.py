@@ -18,11 +18,22 @@ from ibrid.evaluation.record import Record
 from ibrid.gap.recordings.event_noise import EventNoise, event_noise
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
-from ibrid.playback.recording import AFTER, LENGTH, RATE, event_of
+from ibrid.playback.recording import AFTER, LENGTH, RATE, Event, event_of
+from ibrid.ranges import require_in_range
 
 #: A structure at an operating point: its record, matrices, response, and what is known of its
 #: parameters.
 Structure = tuple[Record, LinearModel, ParametricModel, Uncertainty]
+
+
+def event_to_rank(text: str) -> tuple[Event, float]:
+    """An event, and the length of its record in s. IbridError for another form or a length beyond
+    what can be ranked.
+    """
+    event = event_of(text)
+    length = max(LENGTH, event.over + AFTER)
+    require_in_range("ranked", length, f"the record of the event {text!r:.60}", IbridError)
+    return event, length
 
 
 def event_answers(
@@ -36,8 +47,8 @@ def event_answers(
     Limits that stand beside a program act.
     Raises IbridError where one has no answer.
     """
-    event, linear = event_of(text), structures[0][1]
-    time = np.arange(round(max(LENGTH, event.over + AFTER) * RATE) + 1) / RATE
+    (event, length), linear = event_to_rank(text), structures[0][1]
+    time = np.arange(round(length * RATE) + 1) / RATE
     shape = event.voltage(time, linear.v0[0])
     v, i = np.stack([np.real(shape), np.imag(shape)], axis=1), np.tile(linear.i0, (len(time), 1))
     rest = OperatingPoint(text, linear.p_pcc, linear.q_pcc, linear.v0[0])
