@@ -31,7 +31,7 @@ WRONG_INPUT, ANYTHING_ELSE = 2, 1
 #: Commands that were once told how many seconds they may take.
 WERE_TIMED = ("evaluate", "gap", "mcp", "fleet")
 #: What names a file or folder that a command writes, as argparse calls it.
-OUTPUTS = ("out", "json", "report", "equivalent")
+OUTPUTS = ("out", "json", "report", "equivalent", "picture")
 _NEGATIVE = re.compile(r"-\.?\d")
 
 _EXAMPLES = """\

@@ -20,7 +20,7 @@ from ibrid.errors import SweepError
 from ibrid.foreign_data import json_in
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
-from ibrid.own_files import remove_own, require_own, same_file
+from ibrid.own_files import remove_own, same_file
 from ibrid.writing import require_place, write_whole
 
 #: Ending of the file of a measurement that is not finished.
@@ -160,7 +160,12 @@ class KeptPoints:
         if out is None or not is_of_a_file:  # an object may be another one next time
             return cls(None, key)
         require_place(out)
+        if (
+            Path(out).exists() and not Path(out).is_file()
+        ):  # holds nothing
+            return cls(None, key)
         place = Path(out).with_suffix(PART)
+        require_place(place)
         if same_file(place, out):
             raise SweepError(
                 f"{out}: the ending {PART} is that of a measurement that is not finished; name the "
@@ -168,7 +173,6 @@ class KeptPoints:
             )
         if not place.is_file():
             return cls(place, key)
-        require_own(place)
         return cls(place, key, _earlier(place, key))
 
     def add(self, point: MeasuredPoint) -> None:

@@ -8,9 +8,10 @@ from model_files import DEVICE, GOOD
 
 import ibrid
 from ibrid.cli import main
-from ibrid.devices import read_device
+from ibrid.devices import MeasureSettings, read_device
 from ibrid.devices.fresh_device import FreshDevice
 from ibrid.devices.kept_points import KeptPoints
+from ibrid.devices.multisine import multisine_for
 
 
 @pytest.fixture(autouse=True)
@@ -193,6 +194,21 @@ def test_a_sweep_is_not_named_as_a_measurement_that_is_not_finished():
     with pytest.raises(ibrid.IbridError, match=r"the ending \.part is that of a measurement"):
         ibrid.measure("DEVICE.toml", ["p=0.5,q=0.2"], (50.0, 150.0), out="s.part")
     assert not Path("s.part").exists()
+
+
+def test_the_place_of_kept_points_is_looked_at_first():
+    Path("a.part").mkdir()
+    with pytest.raises(ibrid.IbridError, match=r"a\.part: is a folder"):
+        ibrid.measure("DEVICE.toml", ["p=0.5,q=0.2"], (50.0, 150.0), out="a.csv")
+
+
+@pytest.mark.skipif(not Path("/dev/null").exists(), reason="POSIX")
+def test_a_sweep_into_a_device_keeps_nothing_beside_it():
+    file = read_device("DEVICE.toml")
+    settings = MeasureSettings()
+    multisine = multisine_for((50.0, 150.0), file.step_s, file.f0_hz, file.sampling_hz)
+    assert KeptPoints.beside("a.csv", file, [], multisine, settings).place == Path("a.part")
+    assert KeptPoints.beside("/dev/null", file, [], multisine, settings).place is None
 
 
 def test_wrong_uses_are_one_sentence(capsys):

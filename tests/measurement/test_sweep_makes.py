@@ -243,6 +243,8 @@ def test_an_import_explains_its_reading_and_what_excludes_others(truth, tmp_path
     assert "the current counted the other way" in told
     assert "excluded: the highest frequencies fall like an inductance" in told
     assert picture.read_text().startswith("<?xml")
+    again = ["import", str(path), *make.options, "--explain", "--picture", str(picture)]
+    assert cli.main(again) == 0
     assert cli.main(["import", str(path), *make.options]) == 2
     assert "--out names the file to write" in capsys.readouterr().err
 
