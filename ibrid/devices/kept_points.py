@@ -160,9 +160,7 @@ class KeptPoints:
         if out is None or not is_of_a_file:  # an object may be another one next time
             return cls(None, key)
         require_place(out)
-        if (
-            Path(out).exists() and not Path(out).is_file()
-        ):  # holds nothing
+        if Path(out).exists() and not Path(out).is_file():  # holds nothing
             return cls(None, key)
         place = Path(out).with_suffix(PART)
         require_place(place)
