@@ -22,6 +22,7 @@ from ibrid.measurement.importing.timed.families import SignalFamily, family_of, 
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
 from ibrid.measurement.importing.timed.recording_files import PSOUT, recording_tables
 from ibrid.measurement.importing.timed.recording_table import recording_of
+from ibrid.measurement.importing.timed.said_beside import said_beside
 from ibrid.measurement.importing.told import base_of
 from ibrid.measurement.recordings.channels import DQ, Channel, ToldChannels, channels_told, chosen
 from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, SPAN, events_of, span_of
@@ -167,11 +168,14 @@ def _of_tables(
     nothing of themselves.
     """
     tables = [without_signs(table) for table in tables]
-    stated, notes = read_keys(
-        [line for table in tables for line in table.comments], where, KEYS, CHOICES
+    beside = said_beside(tables)
+    stated, notes = read_keys(beside.comments, where, KEYS, CHOICES)
+    notes = (
+        *notes,
+        *beside.notes,
+        *dict.fromkeys(remark for table in tables for remark in table.remarks),
     )
-    notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))
-    header = {**values_of({**stated, **told}, where, CHOICES), **span_of(told)}
+    header = {**values_of({**beside.keys, **stated, **told}, where, CHOICES), **span_of(told)}
     if window := told.get("window", stated.get("window")):
         header["window"] = window
     supposed = "si" if "base" in told and not stated else ""

@@ -1,0 +1,53 @@
+"""What the comments of a recording say in words of their own: bases and nominal frequency with
+their units, ratios of instrument transformers.
+"""
+
+import re
+from collections.abc import Container, Sequence
+from dataclasses import dataclass
+
+from ibrid.measurement.importing.doubts.transformer_ratio import transformer_doubts
+from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.told import doubts_beside, told_beside
+
+#: Keys of a header, and what their numbers measure.
+_DIMENSIONS = {"s_base_va": "power", "v_base_v": "voltage", "f0_hz": "frequency"}
+#: A line that is one number with its unit.
+_ONE_NUMBER = re.compile(r"[^:=]+[:=]\s*[-+.,\deE]+?\s*[A-Za-zµ]+\s*")
+
+
+@dataclass(frozen=True)
+class SaidBeside:
+    """keys : header keys that words say (VA, V, Hz). comments : the lines, with their numbers, that
+    are keys and notes as they stand. notes : what was read so, and what is doubted.
+    """
+
+    keys: dict[str, object]
+    comments: list[tuple[int, str]]
+    notes: tuple[str, ...]
+
+
+def said_beside(tables: Sequence[ForeignTable]) -> SaidBeside:
+    """Read the comments of tables."""
+    comments = [line for table in tables for line in table.comments]
+    texts = [text for _, text in comments]
+    texts += [note for table in tables for note in table.notes if note not in texts]
+    told = told_beside("", texts)
+    keys: dict[str, object] = {}
+    notes = []
+    for key, dimension in _DIMENSIONS.items():
+        entry = told.get(key)
+        if isinstance(entry, tuple) and entry[1] == dimension:
+            value, _, name, unit = entry
+            keys[key] = value
+            notes.append(f"{key} = {value:g}, from {name} in {unit}")
+    plain = [line for line in comments if not _is_one_of(line[1], keys)]
+    doubts = [doubt for doubt in doubts_beside("", texts) if not re.match(r"[PQV]\b", doubt)]
+    return SaidBeside(keys, plain, (*notes, *doubts, *transformer_doubts(texts)))
+
+
+def _is_one_of(comment: str, keys: Container[str]) -> bool:
+    """Whether a comment is just the number of one of the keys, with its unit."""
+    if not _ONE_NUMBER.fullmatch(comment):
+        return False
+    return any(key in keys for key in told_beside("", [comment]))
