@@ -20,9 +20,9 @@ from ibrid.measurement.importing.shapes.signed_names import without_signs
 from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
 from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
+from ibrid.measurement.importing.timed.recording_comments import read_comments
 from ibrid.measurement.importing.timed.recording_files import PSOUT, recording_tables
 from ibrid.measurement.importing.timed.recording_table import recording_of
-from ibrid.measurement.importing.timed.said_beside import said_beside
 from ibrid.measurement.importing.told import base_of
 from ibrid.measurement.recordings.channels import DQ, Channel, ToldChannels, channels_told, chosen
 from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, SPAN, events_of, span_of
@@ -168,14 +168,11 @@ def _of_tables(
     nothing of themselves.
     """
     tables = [without_signs(table) for table in tables]
-    beside = said_beside(tables)
-    stated, notes = read_keys(beside.comments, where, KEYS, CHOICES)
-    notes = (
-        *notes,
-        *beside.notes,
-        *dict.fromkeys(remark for table in tables for remark in table.remarks),
-    )
-    header = {**values_of({**beside.keys, **stated, **told}, where, CHOICES), **span_of(told)}
+    comments = read_comments(tables)
+    stated, notes = read_keys(comments.lines, where, KEYS, CHOICES)
+    tables = [replace(table, remarks=(*table.remarks, *comments.remarks)) for table in tables]
+    notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))
+    header = {**values_of({**comments.keys, **stated, **told}, where, CHOICES), **span_of(told)}
     if window := told.get("window", stated.get("window")):
         header["window"] = window
     supposed = "si" if "base" in told and not stated else ""

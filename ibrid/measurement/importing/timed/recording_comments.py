@@ -17,33 +17,34 @@ _ONE_NUMBER = re.compile(r"[^:=]+[:=]\s*[-+.,\deE]+?\s*[A-Za-zµ]+\s*")
 
 
 @dataclass(frozen=True)
-class SaidBeside:
-    """keys : header keys that words say (VA, V, Hz). comments : the lines, with their numbers, that
-    are keys and notes as they stand. notes : what was read so, and what is doubted.
+class RecordingComments:
+    """keys : header keys that words say (VA, V, Hz). lines : with their numbers, those that
+    are keys and notes as they stand. remarks : what was read so, and what is doubted.
     """
 
     keys: dict[str, object]
-    comments: list[tuple[int, str]]
-    notes: tuple[str, ...]
+    lines: list[tuple[int, str]]
+    remarks: tuple[str, ...]
 
 
-def said_beside(tables: Sequence[ForeignTable]) -> SaidBeside:
+def read_comments(tables: Sequence[ForeignTable]) -> RecordingComments:
     """Read the comments of tables."""
     comments = [line for table in tables for line in table.comments]
     texts = [text for _, text in comments]
-    texts += [note for table in tables for note in table.notes if note not in texts]
+    notes = [note.lstrip("#% ") for table in tables for note in table.notes]
+    texts += [note for note in notes if note not in texts]
     told = told_beside("", texts)
     keys: dict[str, object] = {}
-    notes = []
+    remarks = []
     for key, dimension in _DIMENSIONS.items():
         entry = told.get(key)
         if isinstance(entry, tuple) and entry[1] == dimension:
             value, _, name, unit = entry
             keys[key] = value
-            notes.append(f"{key} = {value:g}, from {name} in {unit}")
+            remarks.append(f"{key} = {value:g}, from {name} in {unit}")
     plain = [line for line in comments if not _is_one_of(line[1], keys)]
     doubts = [doubt for doubt in doubts_beside("", texts) if not re.match(r"[PQV]\b", doubt)]
-    return SaidBeside(keys, plain, (*notes, *doubts, *transformer_doubts(texts)))
+    return RecordingComments(keys, plain, (*remarks, *doubts, *transformer_doubts(texts)))
 
 
 def _is_one_of(comment: str, keys: Container[str]) -> bool:
