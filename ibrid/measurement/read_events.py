@@ -17,7 +17,9 @@ from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
 from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.importing.shapes.signed_names import without_signs
+from ibrid.measurement.importing.timed.clock_times import with_date_and_time
 from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
+from ibrid.measurement.importing.timed.derived_columns import with_derived_columns
 from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
 from ibrid.measurement.importing.timed.recording_comments import read_comments
@@ -167,7 +169,7 @@ def _of_tables(
     """Each table one record, or several where a column names them; a base implies SI where they say
     nothing of themselves.
     """
-    tables = [without_signs(table) for table in tables]
+    tables = [with_date_and_time(without_signs(table)) for table in tables]
     comments = read_comments(tables)
     stated, notes = read_keys(comments.lines, where, KEYS, CHOICES)
     tables = [replace(table, remarks=(*table.remarks, *comments.remarks)) for table in tables]
@@ -177,6 +179,7 @@ def _of_tables(
         header["window"] = window
     supposed = "si" if "base" in told and not stated else ""
     said = channels_told(channels)
+    tables = [with_derived_columns(table, said) for table in tables]
     recordings = [recording_of(table, _family(table, said), header, supposed) for table in tables]
     if len({one.frame for one in recordings}) > 1 or len({one.unit for one in recordings}) > 1:
         raise SweepError(f"{where}: the tables must all be dq or all be phases, in one unit.")

@@ -106,6 +106,11 @@ def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> Sign
     return None
 
 
+def columns_taken(names: Sequence[str], told: Mapping[str, str], where: str) -> dict[str, Column]:
+    """Role -> its column, as told and else the first called so; SweepError as `family_of`."""
+    return _taken(signals_of(names), names, told, where)[0]
+
+
 def _kinds(roles: set[str]) -> list[tuple[str, tuple[str, ...]]]:
     """The families that the roles make, the fullest first, with the roles that each needs."""
     kinds: list[tuple[str, tuple[str, ...]]] = []

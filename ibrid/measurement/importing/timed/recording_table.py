@@ -2,7 +2,6 @@
 records that a column names.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -14,6 +13,7 @@ from ibrid.measurement.formats.event_csv import why_not_increasing
 from ibrid.measurement.formats.grouping import rows_of_each
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.numbers.percent import as_shown
+from ibrid.measurement.importing.timed.clock_times import times_of
 from ibrid.measurement.importing.timed.families import Column, SignalFamily
 from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
 from ibrid.measurement.importing.timed.set_points import set_point_columns, set_points_of
@@ -22,15 +22,7 @@ from ibrid.measurement.recordings.event_samples import Samples
 
 #: What a column in % measures, and its size.
 _PERCENT = ("per unit", 0.01)
-#: Times beyond this, s, are of a clock: the record begins at zero.
-_CLOCK = 1e6
-_STAMP = np.dtype("datetime64[ns]")
-#: The zone of a clock behind a time: hours and minutes ahead of UTC.
-_ZONE = re.compile(r"(.*[T ]\d\d:.*?)([-+])(\d\d):?(\d\d)")
 _FRAMES = {"phases": "abc", "lines": "abc"}
-#: A time with its unit in the cell, as MATLAB writes durations.
-_DURATION = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(sec|s|ms|min|hr)")
-_SECONDS = {"sec": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "hr": 3600.0}
 #: Families whose numbers are instantaneous; a voltage of the others above this is not per unit.
 _INSTANTANEOUS, _LARGEST_PU = ("phases", "lines", "dq"), 3.0
 
@@ -86,7 +78,7 @@ def recording_of(
         role: _numbers(table, names[column.place]) * column.signal.factor
         for role, column in columns.items()
     }
-    time, remarks = _times(table, names[family.columns["t"].place], family.columns["t"])
+    time, remarks = times_of(table, names[family.columns["t"].place], family.columns["t"])
     remarks = (*table.remarks, *family.remarks, *remarks)
     unit = _unit(table, family, names, header)
     if not unit and family.kind not in _INSTANTANEOUS:
@@ -163,53 +155,6 @@ def _numbers(table: ForeignTable, name: str) -> np.ndarray:
             "correct or leave out the rows."
         )
     return values
-
-
-def _times(table: ForeignTable, name: str, column: Column) -> tuple[np.ndarray, tuple[str, ...]]:
-    """(n,) s; of a clock, from its first sample on."""
-    values = table.columns[name]
-    if values.dtype.kind != "f" and (durations := _durations(values)) is not None:
-        return durations, ()
-    if values.dtype.kind != "f":
-        return _stamps(table, name), (
-            "its times are those of a clock: counted from the first sample on",
-        )
-    time = values * column.signal.factor
-    first = float(time[0]) if len(time) else 0.0
-    if abs(first) > _CLOCK:
-        return (values - values[0]) * column.signal.factor, (
-            f"its times begin at {first:.10g} s: counted from the first sample on",
-        )
-    return time, ()
-
-
-def _durations(cells: np.ndarray) -> np.ndarray | None:
-    """(n,) s of cells such as `0.1 sec`; None where one is something else."""
-    read = [_DURATION.fullmatch(str(cell).strip()) for cell in cells.tolist()]
-    if not all(read):
-        return None
-    return np.array([float(one[1]) * _SECONDS[one[2]] for one in read if one])
-
-
-def _stamps(table: ForeignTable, name: str) -> np.ndarray:
-    """Dates and times of a clock, perhaps of a zone, as s from the first."""
-    cells = [
-        str(cell).strip().replace("/", "-").removesuffix("Z")
-        for cell in table.columns[name].tolist()
-    ]
-    zones = [_ZONE.fullmatch(cell) for cell in cells]
-    plain = [zone[1] if zone else cell for zone, cell in zip(zones, cells, strict=True)]
-    try:
-        stamps = np.array(plain, dtype=_STAMP)
-    except ValueError:
-        raise SweepError(
-            f"{table.where}: column {name} must be times, in s or as 2026-03-01T12:00:00.004; "
-            f"found {cells[0][:40]!r}."
-        ) from None
-    if any(zones):
-        ahead = [f"{zone[2]}{60 * int(zone[3]) + int(zone[4])}" if zone else "0" for zone in zones]
-        stamps = stamps - np.array(ahead, dtype=int).astype("timedelta64[m]")
-    return (stamps - stamps[0]).astype(np.int64) * 1e-9
 
 
 def _unit(

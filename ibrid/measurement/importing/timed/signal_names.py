@@ -98,11 +98,19 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
     quantity, axis, part = _meaning(bare, phase)
     if not quantity and counted and _meaning(_COUNTED_WORD.sub(" ", bare), phase) == ("v", "", ""):
         quantity, part = "v", "mag"
+    if quantity == "v" and part == "ang" and dimension in ("voltage", "per unit"):
+        axis, part = _between_phases(bare, axis) or (axis, part)
     if quantity and dimension and not _fits(quantity, part, dimension):
         quantity, axis, part = "", "", ""
     if dimension == "angle" and part == "":
         part = "ang"
     return ColumnSignal(quantity, axis, part, dimension, factor, counted)
+
+
+def _between_phases(name: str, phase: str) -> tuple[str, str] | None:
+    """Phase and part of Vba and Vca in V, which in degrees are the angles of Vb and Vc."""
+    pair = f"{phase}a"
+    return (pair, "") if pair in _PHASES and _plain(name).endswith(pair) else None
 
 
 def split_unit(name: str) -> tuple[str, str]:
