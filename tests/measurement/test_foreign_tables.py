@@ -306,7 +306,7 @@ def test_files_of_known_makes_are_asked_for_what_neither_they_nor_their_make_say
 
 def test_what_is_assumed_or_left_out_is_said(tmp_path, capsys):
     """The voltage, rows of a positive sequence whose partner at f - 2 f0 was not scanned, and a
-    frequency that stands twice.
+    row that stands twice.
     """
     volts = "\n".join([TABLE + ",Vpeak_V", *(f"{line},326" for line in ROWS.splitlines())])
     positive = "\n".join(["f,Zpos_re,Zpos_im", *(f"{f},0.1,{f / 100}" for f in range(60, 300, 10))])
@@ -318,7 +318,7 @@ def test_what_is_assumed_or_left_out_is_said(tmp_path, capsys):
             0,
             "left out: 10 of 24 dq frequencies: each joins f0 + f and |f0 - f|, f0 = 50 Hz",
         ),
-        (twice, *SAID): (2, "found 1 of 4, 2 Hz first, complete it or leave out what stands twice"),
+        (twice, *SAID): (0, "1 row left out, the same as one before: line 6"),
     }
     wrong = []
     for (text, *options), (status, words) in expected.items():

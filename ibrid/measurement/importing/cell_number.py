@@ -5,11 +5,15 @@ thousands, or empty.
 import re
 
 from ibrid.measurement.importing.numbers.decimal_mark import with_point
-from ibrid.measurement.importing.numbers.polar_cells import Polar, polar_of
+from ibrid.measurement.importing.numbers.polar_cells import Polar, polar_of, spice_number
 
-_EMPTY = ("", "nan", "-", "--", "n/a", "na", "none", "null", "nil")
+_EMPTY = ("", "nan", "-", "--", "–", "—", "n/a", "na", "none", "null", "nil")
 #: What accountants mean as a negative number, and others as the number.
 _PERHAPS_NEGATIVE = re.compile(r"\(\s*[\d.,]+(?:[eE][-+]?\d+)?\s*\)")
+#: Signs that word processors and typesetters write for a minus.
+_MINUS = re.compile("[−–—‐‑]")
+#: What parts thousands in Switzerland: 1'255.9.
+_THOUSANDS = re.compile(r"(?<=\d)['’](?=\d{3}(?!\d))")
 #: Characters of a number.
 LONGEST_NUMBER = 100
 
@@ -34,6 +38,8 @@ def number(text: str, comma: bool, *, radians: bool = False) -> complex | None:
         return None
     if text.lower() in _EMPTY:
         return complex("nan")
+    if (of_spice := spice_number(text)) is not None:
+        return of_spice
     plain = _plain(text, comma)
     if plain is None:
         return None
@@ -61,10 +67,11 @@ def _plain(text: str, comma: bool) -> str | None:
     """A cell with decimal points and without blanks; None where that cannot be a number."""
     if _PERHAPS_NEGATIVE.fullmatch(text):
         return None
+    text = _THOUSANDS.sub("", _MINUS.sub("-", text))
     if comma or "," in text:
         text = with_point(text, comma)
     apart = re.search(
         r"\d[ \t]+[\d.]", text
     )  # blanks that do not break lines part thousands, others numbers
-    text = re.sub(r"[\s*]", "", text.replace("−", "-").strip("()"))
+    text = re.sub(r"[\s*]", "", text.strip("()"))
     return None if apart or "_" in text else text

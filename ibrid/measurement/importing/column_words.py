@@ -138,7 +138,8 @@ def _meaning(name: str) -> Meaning:
     if matched is None:
         for role, pattern in ROLE_NAMES.items():
             if re.fullmatch(pattern, compact) and role not in _DIMENSIONS:
-                return Meaning(role, letter=_letter("", dimension), **measured)
+                letter = compact[0].upper() if role in _PARTS and compact[0] in "yz" else ""
+                return Meaning(role, letter=_letter(letter, dimension), **measured)
         matched = _POSITIVE.fullmatch(compact)
         if matched is None or not (
             matched["letter"] or matched["word"] or matched["entry"].startswith("pos")
@@ -207,6 +208,17 @@ def unit_of(word: str) -> tuple[str, float] | None:
             is_mega = plain[0] == "power" and word[0] == "m"  # mw, mvar of pandapower
             known = plain[0], (1e6 if is_mega else _PREFIXED[word[0]]) * plain[1]
     return known
+
+
+def unit_of_matrix(word: str) -> tuple[str, float] | None:
+    """What a unit of matrices measures, also of their decibels: S and ohm behind dB. None for no
+    unit. A small s makes a plural of dB.
+    """
+    known = unit_of(word)
+    if known is None or known[0] != "decibel":
+        return known
+    rest = word.strip()[2:].strip("() ")
+    return unit_of(rest) if rest not in ("", "s") else known
 
 
 def entry_named(cell: str) -> str:

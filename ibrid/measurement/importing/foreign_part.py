@@ -28,6 +28,7 @@ from ibrid.measurement.importing.column_words import (
     letters_of,
     meaning_of,
     unit_of,
+    unit_of_matrix,
     without_unit,
 )
 from ibrid.measurement.importing.doubts.fill_values import mind_fill_values
@@ -516,7 +517,7 @@ def _unit(
     written = {unit_written(source) for source in sources if source.columns}
     known = {
         one[:2]
-        for one in map(unit_of, written)
+        for one in map(unit_of_matrix, written)
         if one and one[0] in ("admittance", "impedance", "per unit")
     }
     if len(known) > 1:

@@ -25,11 +25,16 @@ from ibrid.measurement.importing.numbers.decimal_mark import (
     shown_marks,
 )
 from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
-from ibrid.measurement.importing.numbers.polar_cells import SIGNS, largest_angle
+from ibrid.measurement.importing.numbers.polar_cells import SIGNS, largest_angle, spice_number
 from ibrid.measurement.importing.timed.signal_names import size_of
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _COMMA = re.compile(r"\d,\d")
+#: A number with a decimal comma in quotes, between commas that part cells.
+_QUOTED_COMMA = re.compile(r'"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*"')
+#: Names of arrays that hold a part of a matrix: Y_re, Zphase; re_Y, abs(Z).
+_PART_LAST = re.compile(r"(?P<matrix>.+?)_?(?P<part>[A-Za-z]+)")
+_PART_FIRST = re.compile(r"(?P<part>[a-zA-Z]+?)[_(]?(?P<matrix>[YZ]\w*)\)?")
 _MARKS = re.compile(r"(?<!\s)\s*(?:#|%|!|//|\*+\s)")
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
@@ -137,7 +142,7 @@ def text_table(
     rows = [(number, _cells(line, separator)) for number, line in numbered]
     marked = [number for number, _ in rows if _MARKS.match(lines[number - 1])]
     # a comma that parts cells is no decimal mark of them, nor is a point then one of thousands
-    supposed = "." if separator == "," else ""
+    supposed = "." if separator == "," and not comma else ""
     table = rows_table(rows, marked, where, stem, comma, form, supposed=supposed)
     first = int(table.line[0])
     hidden = set(marked)
@@ -161,7 +166,8 @@ def _separator(
         rows = [
             (n, _cells(line, separator)) for n, line in enumerate(chosen) if not _MARKS.match(line)
         ]
-        comma = form.mark == "," if separator == "," else any(map(_COMMA.search, chosen))
+        quoted = form.mark == "," or any(map(_QUOTED_COMMA.search, chosen))
+        comma = quoted if separator == "," else any(map(_COMMA.search, chosen))
         for decimal in {False, comma}:
             if data := data_rows(rows, decimal):
                 numbers = sum(number(cell, decimal) is not None for cell in data[0][1])
@@ -314,7 +320,7 @@ def rows_table(
         if any(cells) or not names or names[k]:
             name = _unlike(shown[k], columns)
             columns[name] = _column(cells, comma, form)
-            if columns[name].dtype.kind != "O":
+            if columns[name].dtype.kind != "O" and spice_number(cells[0]) is None:
                 written[name] = cells
             if called:
                 cells_of[name] = called[k]
@@ -405,16 +411,27 @@ def _names(
         known = [
             not cell or unit or part for cell, unit, part in zip(bare, units, parts, strict=True)
         ]
-        if k and all(known) and any(bare):
-            upper = _names(above[:k], marked, body, comma, where)
+        if k and any(bare) and 2 * sum(map(bool, known)) > width:
+            upper = _names(above[:k], marked, body, comma, where) or _titles(above[k - 1][1], width)
+            own = [not one and not name for one, name in zip(known, upper, strict=False)]
             for at in range(1, len(upper)):  # a name may stand above several parts
-                upper[at] = upper[at] or upper[at - 1] * bool(bare[at])
-            words = [f"[{cell}]" if unit else cell for cell, unit in zip(bare, units, strict=True)]
-            if upper:
+                upper[at] = upper[at] or upper[at - 1] * (bool(bare[at]) and not own[at])
+            words = [
+                f"[{cell}]" if unit else name if alone else cell
+                for cell, name, unit, alone in zip(bare, cells, units, own, strict=False)
+            ]
+            if upper and all(one or alone for one, alone in zip(known, own, strict=True)):
                 return [f"{name} {word}".strip() for name, word in zip(upper, words, strict=True)]
         if _mostly_words(cells, width):
             return cells
     return []
+
+
+def _titles(cells: list[str], width: int) -> list[str]:
+    """Cells that name some matrices, of which each stands above several columns; else none."""
+    if len(cells) != width or sum(bool(meaning_of(cell).entry) for cell in cells) < 2:
+        return []
+    return list(cells)
 
 
 def _as_wide(cells: list[str], body: Sequence[list[str]], comma: bool, where: str) -> list[str]:
@@ -598,8 +615,9 @@ def array_table(
                 )
             first = squeezed.shape[0] == length != 2
             matrix = squeezed if first else np.moveaxis(squeezed, -1, 0)
+            base, part = _matrix_and_part(name)
             for row, column in np.ndindex(2, 2):
-                columns[f"{name}({row + 1},{column + 1})"] = matrix[:, row, column]
+                columns[f"{base}({row + 1},{column + 1}){part}"] = matrix[:, row, column]
         elif value.ndim == 2 and length in shape and value.size // length <= MOST_COLUMNS:
             for k, column in enumerate(value.T if shape[0] == length else value, 1):
                 columns[f"{name}:{k}"] = column
@@ -635,6 +653,17 @@ def array_table(
         where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number
     )
     return replace(table, polar_angle=_polar_angle_of_text(held, table, form))
+
+
+def _matrix_and_part(name: str) -> tuple[str, str]:
+    """The name of a matrix, and the part of it that an array of the name Y_re or imag_Z holds, with
+    an underscore before it; "" where it holds all.
+    """
+    for pattern in (_PART_LAST, _PART_FIRST):
+        words = pattern.fullmatch(name)
+        if words and meaning_of(words["part"]).role in ("re", "im", "mag", "phase"):
+            return words["matrix"], f"_{words['part']}"
+    return name, ""
 
 
 def _length(numeric: Mapping[str, np.ndarray]) -> int:

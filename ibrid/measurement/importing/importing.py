@@ -47,7 +47,8 @@ from ibrid.measurement.importing.numbers import polar_cells
 from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.importing.point_rows import operating_points
 from ibrid.measurement.importing.repeated_runs import require_repeats
-from ibrid.measurement.importing.shapes.long_tables import with_entries
+from ibrid.measurement.importing.shapes.copied_rows import without_copied_rows
+from ibrid.measurement.importing.shapes.long_tables import matrix_and_unit, with_entries
 from ibrid.measurement.importing.shapes.more_ports import own_block
 from ibrid.measurement.importing.shapes.rest_columns import with_rest
 from ibrid.measurement.importing.shapes.signed_names import without_signs
@@ -158,7 +159,8 @@ def import_tables(
         raise SweepError("a sweep must come from at least one table; found none.")
     account = Account(tuple(maps), dict(said), points=_points_said(said))
     account.said.update(_as_one(account.points, said))
-    tables = [own_block(with_entries(without_signs(table))) for table in tables]
+    tables = [without_copied_rows(without_signs(table)) for table in tables]
+    tables = [own_block(with_entries(table)) for table in tables]
     tables = [with_rest(table, account.said) for table in tables]
     for remark in (one for table in tables for one in table.remarks):
         account.remark(remark)
@@ -420,7 +422,9 @@ def widened(table: ForeignTable) -> ForeignTable:
     }
     if not value or not all(entries):
         return table
-    others = [name for name in table.columns if name != labels and name not in value]
+    letter, unit, column_of_units = matrix_and_unit(table, labels)
+    idle = (labels, column_of_units)
+    others = [name for name in table.columns if name not in idle and name not in value]
     keys = list(zip(*(table.columns[name].tolist() for name in others), strict=True))
     rows = {key: k for k, key in enumerate(dict.fromkeys(keys))}
     places, labelled = np.array([rows[key] for key in keys]), np.array(entries)
@@ -434,7 +438,10 @@ def widened(table: ForeignTable) -> ForeignTable:
         for name, meaning in value.items():
             column = np.full(len(rows), np.nan, dtype=table.columns[name].dtype)
             column[places[labelled == entry]] = table.columns[name][labelled == entry]
-            columns[_entry_column(entry, name, meaning)] = column
+            measured = (
+                meaning if meaning.unit or meaning.role == "phase" else replace(meaning, unit=unit)
+            )
+            columns[_entry_column(entry, name, measured, letter)] = column
     first = [keys.index(key) for key in rows]
     columns = {name: table.columns[name][first] for name in others} | columns
     return replace(table, columns=columns, line=table.line[first])

@@ -200,28 +200,29 @@ def roughness(frequency: np.ndarray, response: np.ndarray) -> np.ndarray:
     norm = np.linalg.norm(response, axis=(1, 2))
     norm = np.maximum(norm, norm.max() * 1e-12)
     starts = np.clip(np.arange(count) - _WINDOW // 2, 0, count - _WINDOW)
-    variance = np.empty((count, 2, 2))
-    for k, start in enumerate(starts):
-        window = slice(start, start + _WINDOW)
-        variance[k] = _window_variance(log_frequency[window], response[window] / norm[k])
-    pooled = [np.median(variance[max(0, k - _POOL) : k + _POOL + 1], axis=0) for k in range(count)]
-    return np.maximum(_UNBIASED * np.sqrt(np.array(pooled)), 1e-12) * norm[:, None, None]
+    windows = starts[:, None] + np.arange(_WINDOW)
+    values = response[windows].reshape(count, _WINDOW, 4) / norm[:, None, None]
+    variance = _window_variances(log_frequency[windows], values)
+    padded = np.pad(variance, ((_POOL, _POOL), (0, 0)), constant_values=np.nan)
+    pools = np.lib.stride_tricks.sliding_window_view(padded, 2 * _POOL + 1, axis=0)
+    deviation = _UNBIASED * np.sqrt(np.nanmedian(pools, axis=-1).reshape(count, 2, 2))
+    return np.maximum(deviation, 1e-12) * norm[:, None, None]
 
 
-def _window_variance(position: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """Residual variance per part and entry of the better of two local polynomials.
+def _window_variances(position: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Residual variance per part and entry of the better of two local polynomials, (K, 4).
 
-    values : (7, 2, 2).
+    position : (K, 7). values : (K, 7, 4) complex.
     """
-    centred = (position - position.mean()) / np.ptp(position)
-    flat = values.reshape(len(position), 4)
-    best = np.full(4, np.inf)
+    centred = position - position.mean(axis=1, keepdims=True)
+    centred /= np.ptp(position, axis=1)[:, None]
+    best = np.full((len(values), 4), np.inf)
     for degree in _DEGREES:
-        basis, _ = np.linalg.qr(np.vander(centred, degree + 1))
-        residual = flat - basis @ (basis.T @ flat)
-        freedom = 2 * (len(position) - degree - 1)
-        best = np.minimum(best, (np.abs(residual) ** 2).sum(axis=0) / freedom)
-    return best.reshape(2, 2)
+        basis, _ = np.linalg.qr(centred[:, :, None] ** np.arange(degree, -1, -1))
+        residual = values - basis @ (np.swapaxes(basis, 1, 2) @ values)
+        freedom = 2 * (_WINDOW - degree - 1)
+        best = np.minimum(best, (np.abs(residual) ** 2).sum(axis=1) / freedom)
+    return best
 
 
 def _noise(source: Source, point: PointSweep, sigma: np.ndarray) -> PointNoise:

@@ -131,6 +131,25 @@ def npz_arrays(content: bytes) -> dict[str, np.ndarray]:
     }
 
 
+def _with_parts_apart(columns: dict[str, Any]) -> dict[str, Any]:
+    """Columns of complex numbers, written [re, im] or {"re": .., "im": ..}, as columns of parts."""
+    apart: dict[str, Any] = {}
+    for name, column in columns.items():
+        cells = column if isinstance(column, list) else []
+        if cells and all(isinstance(cell, list) and len(cell) == 2 for cell in cells):
+            for part, place in (("re", 0), ("im", 1)):
+                apart[f"{name}_{part}"] = [cell[place] for cell in cells]
+        elif cells and all(isinstance(cell, dict) and len(cell) == 2 for cell in cells):
+            parts = list(cells[0])
+            if any(cell.keys() != cells[0].keys() for cell in cells):
+                raise ValueError(f"{name[:40]!r} must hold objects with the same two names")
+            for part in parts:
+                apart[f"{name}_{part}"] = [cell[part] for cell in cells]
+        else:
+            apart[name] = column
+    return apart
+
+
 def json_cells(content: bytes) -> dict[str, np.ndarray]:
     """Records, or lists by name with single numbers beside them, as a table with names, as text.
 
@@ -140,6 +159,7 @@ def json_cells(content: bytes) -> dict[str, np.ndarray]:
     columns = _of_records(held) if isinstance(held, list) else held
     if not isinstance(columns, dict):
         raise ValueError("it is a single value")
+    columns = _with_parts_apart(columns)
     for name, column in columns.items():
         if any(
             isinstance(cell, list | dict)

@@ -9,6 +9,9 @@ import numpy as np
 from ibrid.errors import SweepError
 
 _POLAR = re.compile(r"([-+.\deE]+)[∠<]([-+.\deE]+)(°|deg|rad)?")
+#: As LTspice exports a sweep: (-1.2e+01dB,9.0e+01°), or real and imaginary part with a comma.
+_IN_DECIBELS = re.compile(r"\(([-+.\deE]+)dB,([-+.\deE]+)°?\)")
+_IN_PARTS = re.compile(r"([-+]?\d+\.\d+(?:[eE][-+]\d+)),([-+]?\d+\.\d+(?:[eE][-+]\d+))")
 #: Characters of which one is in every polar cell.
 SIGNS = "∠<"
 #: Angles up to this may be degrees or radians.
@@ -48,6 +51,16 @@ def polar_of(text: str) -> Polar | None:
         return Polar(float(match[1]), float(match[2]), unit)
     except ValueError:
         return None
+
+
+def spice_number(text: str) -> complex | None:
+    """The complex number of a cell that LTspice wrote; None for another."""
+    if match := _IN_DECIBELS.fullmatch(text):
+        size = 10 ** (float(match[1]) / 20)
+        return complex(size * np.exp(1j * np.deg2rad(float(match[2]))))
+    if match := _IN_PARTS.fullmatch(text):
+        return complex(float(match[1]), float(match[2]))
+    return None
 
 
 def largest_angle(

@@ -13,6 +13,7 @@ from ibrid.measurement.importing.column_words import letters_of, meaning_of
 from ibrid.measurement.importing.foreign_table import ForeignTable
 
 _INDEX = "(id|idx|index|no|nr|axis)?"
+_UNIT = re.compile("units?|einheit|unite|unidad|单位")
 _ROW = f"(row|r|i|irow|zeile|ligne|fila|行|output|out|response|current|to){_INDEX}"
 _COLUMN = f"(column|col|c|j|jcol|spalte|colonne|columna|列|input|in|perturbation|injected|voltage|from){_INDEX}"
 _AXES = {"d": "d", "q": "q", "vd": "d", "vq": "q", "id": "d", "iq": "q", "p": "p", "n": "n"}
@@ -51,6 +52,31 @@ def with_entries(table: ForeignTable) -> ForeignTable:
     return replace(
         table, columns={**kept, "entry": entries}, remarks=(*table.remarks, words, *remarks)
     )
+
+
+def matrix_and_unit(table: ForeignTable, labels: str) -> tuple[str, str, str]:
+    """Y or Z, "" where the entries of a long table do not say it; the unit in a column of its own,
+    "" without one; and the name of that column.
+
+    labels : the column of entries, with cells such as Ydd. Raises SweepError for both letters, and
+    for several units.
+    """
+    cells = [str(cell).strip() for cell in table.columns[labels].tolist()]
+    letters = {cell[:1].upper() for cell in cells} & {"Y", "Z"}
+    if len(letters) > 1:
+        raise SweepError(
+            f"{table.where}: {labels} must name entries of one matrix; found some of Y and some of "
+            "Z, leave out those of one."
+        )
+    called = next((name for name in table.columns if _UNIT.fullmatch(letters_of(name))), "")
+    units = {str(cell).strip() for cell in table.columns[called].tolist()} if called else set()
+    if len(units) > 1:
+        raise SweepError(
+            f"{table.where}: {called} must be one unit for all entries; found {some(units, 4)}, "
+            "convert the rows."
+        )
+    unit = units.pop() if units else ""
+    return (letters.pop() if letters else ""), unit, called
 
 
 def _tells_nothing(name: str, values: np.ndarray) -> bool:
