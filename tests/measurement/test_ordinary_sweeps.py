@@ -189,3 +189,11 @@ def test_entries_of_a_long_table_must_be_of_one_matrix_in_one_unit(tmp_path, cap
         (tmp_path / "long.csv").write_text(content)
         assert main(["import", str(tmp_path / "long.csv"), "--out", str(tmp_path / "out.csv")]) == 2
         assert said in capsys.readouterr().err
+
+
+def test_a_matrix_of_more_ports_without_names_is_asked_for(tmp_path, capsys):
+    for ports in (3, 4):
+        matrix = np.ones((ports, ports, len(FREQUENCY)), dtype=complex)
+        savemat(tmp_path / "ports.mat", {"f": FREQUENCY, "Y": matrix})
+        assert main(["import", str(tmp_path / "ports.mat"), "--out", str(tmp_path / "o.csv")]) == 2
+        assert f"Y is {ports}x{ports} at each frequency" in capsys.readouterr().err

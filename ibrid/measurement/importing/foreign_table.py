@@ -30,6 +30,8 @@ from ibrid.measurement.importing.timed.signal_names import size_of
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _COMMA = re.compile(r"\d,\d")
+#: Ports of a matrix that is told apart from a table of numbers.
+MOST_PORTS = 8
 #: A number with a decimal comma in quotes, between commas that part cells.
 _QUOTED_COMMA = re.compile(r'"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*"')
 #: Names of arrays that hold a part of a matrix: Y_re, Zphase; re_Y, abs(Z).
@@ -618,6 +620,12 @@ def array_table(
             base, part = _matrix_and_part(name)
             for row, column in np.ndindex(2, 2):
                 columns[f"{base}({row + 1},{column + 1}){part}"] = matrix[:, row, column]
+        elif squeezed.ndim == 3 and (ports := _ports_of(squeezed.shape)):
+            raise SweepError(
+                f"{where}: {name} is {ports}x{ports} at each frequency; save the 2x2 block of d "
+                "and q at the device's terminal, such as Y(1:2,1:2,:), of an impedance that of its "
+                "inverse, or all entries by name, Ydd .. Ydcdc."
+            )
         elif value.ndim == 2 and length in shape and value.size // length <= MOST_COLUMNS:
             for k, column in enumerate(value.T if shape[0] == length else value, 1):
                 columns[f"{name}:{k}"] = column
@@ -653,6 +661,14 @@ def array_table(
         where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number
     )
     return replace(table, polar_angle=_polar_angle_of_text(held, table, form))
+
+
+def _ports_of(shape: tuple[int, ...]) -> int:
+    """How many ports the matrices of a stack have, where they are more than two; else 0."""
+    first, middle, last = shape
+    if first == middle and 2 < first <= MOST_PORTS:
+        return first
+    return middle if middle == last and 2 < middle <= MOST_PORTS else 0
 
 
 def _matrix_and_part(name: str) -> tuple[str, str]:
