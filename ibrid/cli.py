@@ -257,7 +257,7 @@ def _run(words: list[str]) -> int:
     ]
     named = [told for dest in OUTPUTS if isinstance(told := getattr(arguments, dest, None), str)]
     files_read, folders_read = inputs.files_named(words_read), inputs.folders_named(words_read)
-    with writing_as(words[0], files_read, arguments.overwrite, named, folders_read):
+    with writing_as(words[0], files_read, arguments.overwrite, named, folders_read, words):
         return arguments.run(arguments)
 
 

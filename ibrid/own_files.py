@@ -40,10 +40,10 @@ class Writer:
 
     inputs : what the user calls a file that it reads -> where that lies. overwrite : whether it may
     replace files that it did not write, None for a command that has no such option; inputs and
-    links are never replaced. named : outputs that the user
-    calls by their own name. reads : folders from which it does; what is named may be one into which
-    it writes. wrote : where it wrote what, by the SHA-256, since it began: an answer so far is its
-    own also where no list can be.
+    links are never replaced. named : outputs that the user calls by their own name. reads : folders
+    from which it does; what is named may be one into which it writes. words : the command as the
+    user wrote it. wrote : where it wrote what, by the SHA-256, since it began: an answer so far is
+    its own also where no list can be.
     """
 
     command: str
@@ -52,6 +52,7 @@ class Writer:
     named: frozenset[str] = frozenset()
     reads: tuple[Path, ...] = ()
     wrote: set[tuple[Path, str]] = field(default_factory=set)
+    words: tuple[str, ...] = ()
 
     def is_free(self, path: Path) -> bool:
         """Whether the user named this very file, outside of all folders, where all but inputs is
@@ -116,6 +117,7 @@ def writing_as(
     overwrite: bool | None = False,
     named: Iterable[str] = (),
     reads: Iterable[Path] = (),
+    words: Iterable[str] = (),
 ) -> Iterator[None]:
     """Within, every file that `ibrid.writing` writes obeys the rule; within another command, the
     rule is that one's.
@@ -123,7 +125,10 @@ def writing_as(
     if _WRITER.get() is not None:
         yield
         return
-    token = _WRITER.set(Writer(command, inputs or {}, overwrite, frozenset(named), tuple(reads)))
+    writer = Writer(
+        command, inputs or {}, overwrite, frozenset(named), tuple(reads), words=tuple(words)
+    )
+    token = _WRITER.set(writer)
     try:
         yield
     finally:
@@ -149,6 +154,14 @@ def also_reading(inputs: Mapping[str, str | Path]) -> None:
     _WRITER.set(replace(writer, inputs={**writer.inputs, **new}))
     for name in writer.named:
         replace(writer, inputs=new).require_no_input(Path(name))
+
+
+def command_at_work() -> tuple[tuple[str, ...], Mapping[str, str | Path]]:
+    """The words of the command that is at work, and what it calls a file that it reads -> where
+    that lies; nothing without one.
+    """
+    writer = _WRITER.get()
+    return ((), {}) if writer is None else (writer.words, writer.inputs)
 
 
 def announce(*paths: Path) -> None:

@@ -10,6 +10,7 @@ from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
+from ibrid.evidence import evidence_now
 from ibrid.foreign_text import show_controls
 from ibrid.measurement.sweeps.quantities import hertz, span
 from ibrid.measurement.sweeps.sweep import ENTRIES
@@ -23,9 +24,12 @@ if TYPE_CHECKING:
 
 def page(template: str, facts: Mapping[str, Any], package: str = "ibrid.report") -> str:
     """A whole document. package : whose folder `templates` holds the template."""
-    return show_controls(
-        _environment(package).get_template(template).render(facts, layout="page.html")
+    filled = (
+        _environment(package)
+        .get_template(template)
+        .render(facts, layout="page.html", evidence=evidence_now())
     )
+    return show_controls(filled)
 
 
 def output(template: str, facts: Mapping[str, Any], shown: tuple[str, ...]) -> str:

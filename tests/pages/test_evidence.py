@@ -1,0 +1,43 @@
+"""A page says what it is evidence of: version, command, and hashes of the files that were read."""
+
+import html
+from hashlib import sha256
+from pathlib import Path
+
+import ibrid
+from ibrid.cli import main
+from ibrid.evidence import command_line, evidence_now
+from ibrid.report.pages.page import report_html
+
+
+def page_of(folder: Path, *more: str) -> str:
+    data = folder / "scan.csv"
+    data.write_bytes(ibrid.benchmarks()["gfl_l_filter"].read_bytes())
+    words = ["evaluate", "gfl_l_filter", str(data), "--restarts", "0", *more]
+    assert main([*words, "--report", str(folder / "fit.html")]) == 0
+    return html.unescape((folder / "fit.html").read_text(encoding="utf-8"))
+
+
+def test_a_page_says_version_command_and_hash_of_its_data(tmp_path):
+    page = page_of(tmp_path)
+    digest = sha256((tmp_path / "scan.csv").read_bytes()).hexdigest()[:16]
+    assert f"Made by ibrid {ibrid.__version__}" in page
+    assert f"ibrid evaluate gfl_l_filter {tmp_path}/scan.csv --restarts 0" in page
+    assert f"DATA: scan.csv, SHA-256 {digest}" in page
+
+
+def test_where_an_answer_goes_is_no_part_of_the_evidence(tmp_path):
+    assert page_of(tmp_path) == page_of(tmp_path, "--json", str(tmp_path / "fit.json"))
+    words = ("search", "a b.csv", "--out=run", "--workers", "2", "--seed", "1", "--overwrite")
+    assert command_line(words) == "ibrid search 'a b.csv' --seed 1"
+
+
+def test_names_and_passwords_of_addresses_are_left_out():
+    words = ("search", "a.csv", "--server", "http://user:secret@host:1/v1")
+    assert command_line(words) == "ibrid search a.csv --server http://host:1/v1"
+
+
+def test_in_python_a_page_says_the_version_alone():
+    assert (evidence_now().command, evidence_now().files) == ("", ())
+    record = ibrid.evaluate("naive", "paper_like", restarts=0)
+    assert f"Made by ibrid {ibrid.__version__}</p>" in report_html(record)
