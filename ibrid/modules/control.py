@@ -11,14 +11,14 @@ from ibrid.signals import Signal
 APPENDIX = "paper, appendix A.3"
 
 
-def proportional(typical: float) -> Range:
-    """Box of a proportional gain."""
-    return Range(1e-6, 1e5, typical, "1", "proportional gain")
+def proportional(typical: float, unit: str = "1") -> Range:
+    """Box of a proportional gain; unit : of what it gives, per unit of its input."""
+    return Range(1e-6, 1e5, typical, unit, "proportional gain")
 
 
-def integral(typical: float) -> Range:
-    """Box of an integral gain."""
-    return Range(1e-6, 1e7, typical, "1/s", "integral gain")
+def integral(typical: float, unit: str = "1/s") -> Range:
+    """Box of an integral gain; unit : of what it gives, per second and unit of its input."""
+    return Range(1e-6, 1e7, typical, unit, "integral gain")
 
 
 def cutoff(typical_hz: float) -> Range:

@@ -13,6 +13,12 @@ from ibrid.signals import Signal
 SYNCHRONISATION = "synchronisation"
 
 
+#: Gains from the voltage on the q axis to the frequency; with v = 1 of a PLL without a filter
+#: omega_n = sqrt(kI_pll) and damping kP_pll / (2 omega_n).
+_KP = proportional(60.0, "rad/s per pu")
+_KI = integral(1500.0, "rad/s^2 per pu")
+
+
 def _srf_pll(kP_pll, kI_pll):
     a = [[0, 0], [kI_pll, 0]]
     b = [[1], [kP_pll]]
@@ -28,7 +34,7 @@ SRF_PLL = ModuleKind(
     inputs={"e_q": Signal.SCALAR},
     outputs={"delta_omega": Signal.SCALAR, "delta": Signal.SCALAR},
     states=("integral", "angle"),
-    parameters={"kP_pll": proportional(60.0), "kI_pll": integral(1500.0)},
+    parameters={"kP_pll": _KP, "kI_pll": _KI},
     state_space=_srf_pll,
     reference="paper, appendix A.4 and equation (3)",
 )
@@ -54,7 +60,7 @@ SRF_PLL_P = replace(
     "without integral action, which rests "
     "with e_q = e_q_ref because the grid is faster than its own frequency by kP_pll e_q_ref",
     states=("angle",),
-    parameters={"kP_pll": proportional(60.0), "e_q_ref": _ON_Q},
+    parameters={"kP_pll": _KP, "e_q_ref": _ON_Q},
     state_space=_srf_pll_p,
     input_at_rest=_beside_its_own_frequency,
     extended=True,
@@ -120,7 +126,7 @@ PLL_FREQUENCY = ModuleKind(
     inputs={"v": Signal.DQ_VEC, "delta_omega": Signal.SCALAR},
     outputs={"delta_omega_pll": Signal.SCALAR},
     states=("integral", "angle"),
-    parameters={"kP_pll": proportional(60.0), "kI_pll": integral(1500.0)},
+    parameters={"kP_pll": _KP, "kI_pll": _KI},
     state_space=_pll_frequency,
     equilibrium={"v": "E0d"},
     extended=True,
