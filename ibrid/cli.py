@@ -11,7 +11,7 @@ import re
 import sys
 import tomllib
 import traceback
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from errno import ELOOP, ENAMETOOLONG
 from functools import partial
@@ -105,6 +105,30 @@ class _TopicHelp(argparse.Action):
         parser.exit()
 
 
+class _Completion(argparse.Action):
+    """Prints what a shell completes commands, options and files by, and ends."""
+
+    def __call__(self, parser: Any, namespace: Any, values: Any, option: str | None = None) -> None:
+        import shtab
+
+        for action in _actions_of(parser):
+            if action.option_strings and action.metavar is None:
+                continue
+            if action.choices is None and action.nargs != 0:
+                action.complete = shtab.FILE  # type: ignore[attr-defined]
+        print(shtab.complete(parser, values))
+        parser.exit()
+
+
+def _actions_of(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    """The arguments of a parser and of its commands."""
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for command in action.choices.values():
+                yield from _actions_of(command)
+
+
 #: What an operating system says of names that no file can have.
 NO_NAMES = (ENAMETOOLONG, ELOOP)
 
@@ -120,6 +144,12 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     whole.add_argument("--version", action="version", version=f"ibrid {__version__}")
+    whole.add_argument(
+        "--completion",
+        choices=("bash", "zsh", "tcsh"),
+        action=_Completion,
+        help='print what completes ibrid in that shell: eval "$(ibrid --completion bash)"',
+    )
     commands = whole.add_subparsers(metavar="COMMAND", parser_class=_CommandParser)
     _declare(commands)
     whole.set_defaults(run=None, names=tuple(commands.choices))

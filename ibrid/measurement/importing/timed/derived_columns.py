@@ -72,7 +72,7 @@ def _two_lines(
 ) -> dict[str, np.ndarray]:
     """vab and vbc."""
     unit = _unit_of(columns, [*_LINES, *_REVERSED])
-    third = -sum(lines.values())
+    third = -np.sum(list(lines.values()), axis=0)
     whole = {role: lines.get(role, third) for role in ("vab", "vbc")}
     return {f"{role}{unit}": value for role, value in whole.items() if role not in columns}
 
