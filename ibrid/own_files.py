@@ -28,6 +28,10 @@ LONGEST_LIST = 20_000_000
 #: The command that writes the page of another command's folder again: it stays that command's, or
 #: may be anyone's.
 REPORT = "report"
+#: Variable of the environment: the folder outside of which a command reads and writes nothing.
+ONLY_BELOW = "IBRID_ONLY_BELOW"
+#: Where the data that ship lie, which every command may read.
+_SHIPPED = tuple(Path(__file__).resolve().parents[k] / "data" for k in (0, 1))
 #: What follows the command in the list, of a file that the user named.
 BY_NAME = ", by name"
 #: The database of a run, and the beginning of names that belong to it.
@@ -125,6 +129,8 @@ def writing_as(
     if _WRITER.get() is not None:
         yield
         return
+    for path in (*(inputs or {}).values(), *reads, *named):
+        require_below(path)
     writer = Writer(
         command, inputs or {}, overwrite, frozenset(named), tuple(reads), words=tuple(words)
     )
@@ -151,9 +157,22 @@ def also_reading(inputs: Mapping[str, str | Path]) -> None:
     }
     if not new:
         return
+    for path in new.values():
+        require_below(path)
     _WRITER.set(replace(writer, inputs={**writer.inputs, **new}))
     for name in writer.named:
         replace(writer, inputs=new).require_no_input(Path(name))
+
+
+def require_below(path: str | Path) -> None:
+    """Raise IbridError for a file outside of the folder that `ONLY_BELOW` names, also through a
+    link; data that ship are inside.
+    """
+    if not (root := os.environ.get(ONLY_BELOW)):
+        return
+    place = Path(path).resolve()
+    if not any(place.is_relative_to(one) for one in (Path(root).resolve(), *_SHIPPED)):
+        raise IbridError(f"{path}: lies outside of {root}, to which this command is kept")
 
 
 def command_at_work() -> tuple[tuple[str, ...], Mapping[str, str | Path]]:
@@ -178,6 +197,7 @@ def require_own(path: Path) -> None:
         path.exists() and not path.is_file()
     ):  # a device or a pipe, which holds nothing
         return
+    require_below(path)
     writer.require_no_input(path)
     if path.name == LIST or (
         path.name.startswith(ARCHIVE) and writer.is_named(path) and not writer.is_free(path)

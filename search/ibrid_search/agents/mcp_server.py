@@ -13,7 +13,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from queue import SimpleQueue
 from threading import Event, Thread
@@ -32,6 +32,7 @@ from ibrid.structure.diagrams.library import textbook
 from ibrid.structure.diagrams.program import program_text
 from ibrid.study import Study
 from ibrid_search.agents.logbook import USUAL, Logbook
+from ibrid_search.agents.study_folder import StudyFolder
 from ibrid_search.agents.tool import Tool, call_by_name, capped, failed
 from ibrid_search.agents.workbench import Workbench
 from ibrid_search.language_models.language import words
@@ -60,26 +61,37 @@ def serve(
     start: Diagram | None = None,
     fit: FitSettings = USUAL,
     answer_within: float | None = ANSWER_WITHIN,
+    folder: Path | None = None,
+    allow_devices: bool = False,
 ) -> int:
     """Answer on standard input and output until the input ends; returns the exit status, 0, or 1
     where the streams failed.
 
     out : folder that keeps what was evaluated. start : the program of step 0, the naive one when
-    not given. fit : effort
-    of an evaluation. answer_within : seconds after which a diagnosis comes with what is there, and
-    goes on when it is asked again; None for whole answers. Raises IbridError when the SDK is
-    missing, an option does not exist or the folder cannot be used.
+    not given. fit : effort of an evaluation. answer_within : seconds after which a diagnosis comes
+    with what is there, and goes on when it is asked again; None for whole answers. folder : whose
+    files the commands of ibrid may read and write, as a tool; None: no such tool. allow_devices :
+    whether they may run model files.
+
+    Raises IbridError when the SDK is missing, an option does not exist or a folder cannot be used.
     """
     if importlib.util.find_spec("mcp_types") is None:  # version 1 has no such package
         raise IbridError(_MISSING)
     start = start or textbook("naive")
     require_legal(start, study.kinds, equilibrium=study.equilibrium)
-    with open_logbook(study, fit, out, program_text(start)) as logbook:
+    with ExitStack() as closing:
+        logbook = closing.enter_context(open_logbook(study, fit, out, program_text(start)))
+        tools = Workbench(logbook, answer_within).all
+        if folder is not None:
+            files = StudyFolder(
+                folder, logbook, allow_devices=allow_devices, answer_within=answer_within
+            )
+            tools = (*tools, *closing.enter_context(files).tools)
         calls: SimpleQueue[_Call | None] = SimpleQueue()
         listening = Event()
         reasons = list[str]()
         told = (
-            Workbench(logbook, answer_within).all,
+            tools,
             logbook.note_call,
             _instructions(study),
             calls,

@@ -210,7 +210,17 @@ def run_mcp(arguments: Namespace) -> int:
     )
     out = None if arguments.out is None else Path(arguments.out)
     fit = fit_settings(arguments.effort)
-    return serve(study, out=out, start=start, fit=fit, answer_within=arguments.answer_within)
+    if arguments.allow_devices and arguments.folder is None:
+        raise IbridError("--allow-devices needs --folder DIR, where the model files lie")
+    return serve(
+        study,
+        out=out,
+        start=start,
+        fit=fit,
+        answer_within=arguments.answer_within,
+        folder=None if arguments.folder is None else Path(arguments.folder),
+        allow_devices=arguments.allow_devices,
+    )
 
 
 def run_watch(arguments: Namespace) -> int:
