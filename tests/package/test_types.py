@@ -34,6 +34,7 @@ from ibrid.structure.comparison.compare import Comparison
 from ibrid.structure.grammar_rules.violation import Violation
 
 assert_type(ibrid.benchmarks(), Mapping[str, Path])
+assert_type(ibrid.examples(), Mapping[str, Path])
 data = assert_type(ibrid.read_sweep("file.csv"), Sweep)
 assert_type(ibrid.sweep("gfl", None, np.array([50.0])), Sweep)
 assert_type(ibrid.measure("DEVICE.toml", ["p=1,q=0"], [50.0]), Sweep)

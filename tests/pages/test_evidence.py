@@ -6,7 +6,7 @@ from pathlib import Path
 
 import ibrid
 from ibrid.cli import main
-from ibrid.evidence import command_line, evidence_now
+from ibrid.report.facts.evidence import command_line, evidence_now
 from ibrid.report.pages.page import report_html
 
 

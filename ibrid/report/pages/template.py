@@ -10,10 +10,10 @@ from functools import cache
 from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
-from ibrid.evidence import evidence_now
 from ibrid.foreign_text import show_controls
 from ibrid.measurement.sweeps.quantities import hertz, span
 from ibrid.measurement.sweeps.sweep import ENTRIES
+from ibrid.report.facts.evidence import evidence_now
 from ibrid.report.look import numbers
 from ibrid.report.look.figure import content_policy, script
 from ibrid.report.look.style import SHAPES, heat, notebook_style_sheet, series_line, style_sheet
