@@ -15,9 +15,10 @@ def command() -> int:
     except KeyboardInterrupt:
         status = 130
     if hasattr(signal, "pthread_sigmask"):
-        # All that is left is the end, in which Python would kill itself for an interrupt that an
-        # import passed on.
-        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # all that is left is the end
+    # Where an import passed an interrupt on, Python would kill itself at the end, and a thread of a
+    # numerical library would not block that; it forgets the interrupt when it next runs text.
+    exec("")
     return status
 
 
