@@ -17,7 +17,9 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid.analysis.grids.power_jacobian import power_jacobian
     from ibrid.analysis.grids.stability import stability
     from ibrid.analysis.models.prediction import predict
+    from ibrid.analysis.models.residuals import residuals
     from ibrid.arguments.coercion import as_diagram, as_events, as_record, as_sweep, load
+    from ibrid.arguments.plot import plot
     from ibrid.devices.measuring import measure
     from ibrid.errors import IbridError
     from ibrid.evaluation.evaluate import evaluate
@@ -84,6 +86,7 @@ __all__ = [
     "measure",
     "nonlinear_model",
     "parse_program",
+    "plot",
     "power_jacobian",
     "predict",
     "program_text",
@@ -91,6 +94,7 @@ __all__ = [
     "read_program",
     "read_record",
     "read_sweep",
+    "residuals",
     "search",
     "stability",
     "structure_hash",
@@ -134,6 +138,7 @@ HOMES = {
     "nonlinear_model": "ibrid.export.nonlinear_model",
     "PAPER_VOCABULARY": "ibrid.modules.vocabulary",
     "parse_program": "ibrid.structure.diagrams.program",
+    "plot": "ibrid.arguments.plot",
     "power_jacobian": "ibrid.analysis.grids.power_jacobian",
     "predict": "ibrid.analysis.models.prediction",
     "program_text": "ibrid.structure.diagrams.program",
@@ -143,6 +148,7 @@ HOMES = {
     "read_record": "ibrid.evaluation.record",
     "read_sweep": "ibrid.measurement.read",
     "Record": "ibrid.evaluation.record",
+    "residuals": "ibrid.analysis.models.residuals",
     "search": "ibrid_search.running",
     "Signal": "ibrid.signals",
     "stability": "ibrid.analysis.grids.stability",

@@ -241,11 +241,13 @@ class Record(Frozen):
             f"<Record: {self.outcome}{error}, {self.modules} modules, order {self.order}", ">"
         )
 
-    def plot(self, ax: Any = None, entry: str = "dd") -> Any:
+    def plot(self, ax: Any = None, entry: str = "dd", *, band: bool = False) -> Any:
         """A matplotlib figure of the four admittances, measured and model; with ax=(magnitude,
         phase) of one entry, on those.
+
+        band : with the 95 % bands that the uncertainty of the parameters leaves (`ibrid.predict`).
         """
-        return shown(self, "plotting", "record_plot", ax, entry)
+        return shown(self, "plotting", "record_plot", ax, entry, band)
 
     def save(self, path: str | Path) -> None:
         """The same as `write`; `read_record` takes it back."""

@@ -4,6 +4,8 @@ lines on axes of one's own.
 
 import textwrap
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,7 +21,8 @@ from matplotlib.text import Text
 from ibrid.analysis.grids.power_jacobian import PowerJacobian
 from ibrid.analysis.grids.stability import Stability
 from ibrid.analysis.models.modes import QUANTILE
-from ibrid.analysis.models.prediction import Prediction
+from ibrid.analysis.models.prediction import Prediction, predict
+from ibrid.analysis.models.residuals import Residuals
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.answers.result import Gap
@@ -30,10 +33,16 @@ from ibrid.report.figures.displayed_figure import DisplayedFigure
 from ibrid.report.figures.events import draw_events
 from ibrid.report.figures.gap_curves import PointView, draw_entry, point_views
 from ibrid.report.figures.gap_ports import draw_missing, draw_ports
+from ibrid.report.figures.residuals import (
+    draw_autocorrelation,
+    draw_cross_correlation,
+    draw_residuals,
+)
 from ibrid.report.figures.trajectory import Trajectory, draw_trajectory
 from ibrid.report.look.style import DANGER, INK, MUTED, SERIES, SERIES_STAND_INS, series
 from ibrid.report.pages.page import measured_data
 from ibrid.report.pages.stability_page import draw_locus
+from ibrid.structure.diagrams.program import parse_program
 
 _SETTINGS: Any = {
     "axes.grid": True,
@@ -58,9 +67,73 @@ def sweep_plot(sweep: Sweep, ax: Any = None, entry: str = "dd") -> Any:
     return _bode(points, ax, entry)
 
 
-def record_plot(record: Record, ax: Any = None, entry: str = "dd") -> Any:
-    """Lines of the model and, where the data are where the record says, measured dots."""
-    return _bode(curves(record, measured_data(record, None)[0]), ax, entry)
+def record_plot(record: Record, ax: Any = None, entry: str = "dd", band: bool = False) -> Any:
+    """Lines of the model and, where the data are where the record says, measured dots; band: with
+    the 95 % bands of `predict`.
+    """
+    lines = curves(record, measured_data(record, None)[0])
+    return _bode([_with_band(line, record) for line in lines] if band else lines, ax, entry)
+
+
+def _with_band(line: Curves, record: Record) -> Curves:
+    if line.frequency is None:
+        return line
+    sigma = predict(record, line.name, line.frequency).sigma
+    return line if sigma is None else replace(line, half_width=QUANTILE * sigma)
+
+
+def together_plot(
+    things: Sequence[Sweep | Record | Prediction], ax: Any = None, entry: str = "dd"
+) -> Any:
+    """Several sweeps, records and predictions in one Bode plot, with their names."""
+    lines = [line for thing in things for line in _curves_of(thing)]
+    lines = [replace(line, index=index) for index, line in enumerate(lines)]
+    drawn = _bode(lines, ax, entry)
+    handles = []
+    for line in lines:
+        colour, marker, dashes = series(line.index)
+        look: Any = (
+            {"linestyle": dashes}
+            if line.measured is None
+            else {"linestyle": "none", "marker": marker, "markerfacecolor": "none"}
+        )
+        handles.append(Line2D([], [], color=colour, label=line.name, **look))
+    if ax is None:
+        legend = drawn.legend(handles=handles, loc="outside upper left", ncols=3)
+        on_white(legend)
+    else:
+        on_white(_two(ax, "magnitude and phase")[0].legend(handles=handles))
+    return drawn
+
+
+def _curves_of(thing: Sweep | Record | Prediction) -> list[Curves]:
+    """The lines or dots of one thing, with names that say whose they are."""
+    if isinstance(thing, Sweep):
+        source = Path(thing.source).stem or "measured"
+        return [
+            Curves(f"{source}, {point.op.name}", 0, point, None, None) for point in thing.points
+        ]
+    if isinstance(thing, Prediction):
+        half = None if thing.sigma is None else QUANTILE * thing.sigma
+        name = f"predicted, {thing.op.name}"
+        return [Curves(name, 0, None, thing.frequency, thing.admittance, half)]
+    name = parse_program(thing.program).name.removeprefix("build_") or "model"
+    return [replace(line, name=f"{name}, {line.name}") for line in curves(thing, None)]
+
+
+def residuals_plot(residuals: Residuals) -> Any:
+    """Residuals over frequency above their correlations."""
+    with rc_context(_SETTINGS):
+        figure = DisplayedFigure(figsize=(9, 6), layout="constrained")
+        grid = figure.add_gridspec(2, 2, width_ratios=(2, 1))
+        over_frequency = figure.add_subplot(grid[0, :])
+        draw_residuals(over_frequency, residuals)
+        draw_autocorrelation(figure.add_subplot(grid[1, 0]), residuals)
+        draw_cross_correlation(figure.add_subplot(grid[1, 1]), residuals)
+        handles, names = over_frequency.get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside upper left", ncols=len(names))
+        on_white(figure)
+    return figure
 
 
 def trajectory_plot(steps: Sequence[tuple[int, float | None, float | None]]) -> Any:

@@ -26,6 +26,7 @@ import ibrid_search
 from ibrid import FitSettings, IbridError, LargeSignal, ModuleKind, Range, Record, Signal, Sweep
 from ibrid.analysis.grids.power_jacobian import PowerJacobian
 from ibrid.analysis.models.prediction import Prediction
+from ibrid.analysis.models.residuals import Residuals
 from ibrid.analysis.grids.stability import Stability
 from ibrid.export import NonlinearModel
 from ibrid.gap.answers.result import Gap, NamedEffect
@@ -71,6 +72,8 @@ record = assert_type(ibrid.evaluate(diagram, data, settings=FitSettings()), Reco
 assert_type(ibrid.read_record("record.json"), Record)
 assert_type(record.nrmse, float | None)
 assert_type(ibrid.predict(record, "p=1,q=0", np.array([50.0])), Prediction)
+assert_type(ibrid.residuals(record), Residuals)
+ibrid.plot("paper_like", record)
 assert_type(ibrid.stability(record, scr=[1.5, 3.0]), Stability)
 assert_type(ibrid.power_jacobian(record, "p=1,q=0"), PowerJacobian)
 assert_type(ibrid.nonlinear_model(record), NonlinearModel)

@@ -2,5 +2,5 @@
 hold.
 
 From outside of `analysis`: `linear_model`, `loop_modes`, `modes`, `parametric`, `prediction`,
-`validity`. Imports nothing else of `analysis`.
+`residuals`, `validity`. Imports nothing else of `analysis`.
 """
