@@ -121,12 +121,8 @@ def _predict_events(arguments: Namespace) -> int:
 def run_stability(arguments: Namespace) -> int:
     """Answer, write the files, print the tables; 0 whatever the answer."""
     _require_places(arguments, {"--report": arguments.report})
-    if (arguments.scr is None) == (arguments.grid is None):
-        given = "neither" if arguments.scr is None else "both"
-        raise IbridError(
-            f"stability takes --scr 1.5:10 or --grid r=..,x=.. or --grid FILE, found {given}; give "
-            "one"
-        )
+    if arguments.scr is not None and arguments.grid is not None:
+        raise IbridError("stability takes --scr or --grid, found both; give one")
     if arguments.grid is not None and arguments.xr is not None:
         raise IbridError("--xr belongs to --scr; a --grid brings its own r and x")
 

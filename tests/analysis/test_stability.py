@@ -554,7 +554,6 @@ def test_one_grid_by_its_values_and_one_by_its_file(record_file, capsys):
         (["--grid", "missing.csv"], "no such file"),
         (["--grid", "r=0.1,x=0.2", "--xr", "3"], "--xr belongs to --scr"),
         (["--grid", "r=0.1,x=0.2", "--scr", "1:2"], "; give one"),
-        ([], "; give one"),
     ],
 )
 def test_wrong_inputs_get_one_sentence(record_file, capsys, options, words):
@@ -582,3 +581,9 @@ def test_an_unstable_model_is_called_one():
     assert any("unstable by itself" in one for one in found.warnings)
     assert any("outside the measured range" in one for one in found.warnings)
     assert not found_at("p=1,q=0.3").warnings
+
+
+def test_usual_ratios_are_asked_where_none_are_said():
+    record = ibrid.evaluate("gfl_l_filter", "gfl_l_filter", restarts=0)
+    (first, *_) = ibrid.stability(record).points
+    assert [case.grid.scr for case in first.cases] == pytest.approx([1.5, 2.0, 3.0, 5.0, 10.0])

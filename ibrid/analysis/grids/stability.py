@@ -34,6 +34,8 @@ from ibrid.showing import brief, made_above, shown
 from ibrid.writing import write_json
 
 SCHEMA = "ibrid.stability/1"
+#: Short-circuit ratios where nobody says any: very weak to strong.
+USUAL_RATIOS = (1.5, 2.0, 3.0, 5.0, 10.0)
 #: Frequencies of the passivity index by default.
 PASSIVITY_POINTS = 400
 #: Short-circuit ratios of the root locus.
@@ -170,8 +172,8 @@ def stability(
     Parameters
     ----------
     scr : ascending short-circuit ratios 1 / |Z| (at 1 per unit of voltage, on the inverter's base),
-    X/R = `xr`; with two or
-        more, critical ratios are searched between the first and the last.
+    X/R = `xr`; `USUAL_RATIOS` when neither these nor a grid are given; with two or more, critical
+    ratios are searched between the first and the last.
     grid : instead of `scr`.
     op : points of the record, or "p=..,q=..[,v=..]" elsewhere; all points of the record by default.
     frequency : (K,) Hz of the passivity index; the measured range by default.
@@ -179,10 +181,12 @@ def stability(
     Raises IbridError, OperatingPointError for what cannot be answered.
     """
     asked = np.atleast_1d(np.asarray(scr, dtype=float))
-    if (grid is None) == (len(asked) == 0):
+    if grid is not None and len(asked):
         raise IbridError(
             "stability needs either short-circuit ratios or one grid; give one of them"
         )
+    if grid is None and not len(asked):
+        asked = np.array(USUAL_RATIOS)
     at = None if frequency is None else frequencies_of(frequency)
     names = (op,) if isinstance(op, str) else tuple(op) or tuple(record.parameters) or (None,)
     with whole_record():
