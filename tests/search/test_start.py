@@ -136,6 +136,15 @@ def test_the_page_begins_with_the_sentence_the_grade_and_the_diagram(started):
 
 
 @pytest.mark.slow
+def test_what_was_only_screened_is_folded_on_the_page(started):
+    answer = json.loads((started / "out/start.json").read_text())
+    text = (started / "out/report.html").read_text()
+    screened = [one for one in answer["ranked"] if not one["grade"]]
+    assert f"<summary>{len(screened)} more, screened only</summary>" in text
+    assert text.index("Fitted diagrams") < text.index("screened only</summary>")
+
+
+@pytest.mark.slow
 def test_the_first_screen_of_a_telephone_has_sentence_grade_and_diagram(started, tmp_path):
     page = (started / "out/report.html").read_text()
     question = """
@@ -313,7 +322,10 @@ def test_a_page_without_any_fit_says_what_is_odd_about_the_data(tmp_path):
     )
     written = write_start(answer, "data.csv", tmp_path)
     assert "positive sequence alone was measured" in written.warnings[0]
-    assert "positive sequence alone was measured" in (tmp_path / "report.html").read_text()
+    page = (tmp_path / "report.html").read_text()
+    assert "positive sequence alone was measured" in page
+    assert 'id="response"' in page  # the data are drawn all the same
+    assert "Bode plot of Y_dd" in page
     assert (
         json.loads((tmp_path / "start.json").read_text())["data"]["warnings"][0]
         == written.warnings[0]

@@ -4,11 +4,13 @@ import shlex
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from ibrid.measurement.quality.event_inspection import EventsInspection
 from ibrid.measurement.quality.inspection_table import format_events_inspection, format_inspection
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.own_files import writing_as
+from ibrid.report.figures.bode import Curves, bode_svgs
 from ibrid.report.pages.page import record_facts
 from ibrid.report.pages.playback_page import facts_of_record
 from ibrid.report.pages.template import page
@@ -57,7 +59,7 @@ def start_html(result: StartResult) -> str:
     """Return the report as HTML."""
     record = result.best.record
     sweep = result.data if isinstance(result.data, Sweep) else None
-    facts = {} if record is None else record_facts(record, sweep, "bode")
+    facts = _measured_alone(sweep) if record is None else record_facts(record, sweep, "bode")
     facts["events"] = facts_of_record(record, result.recordings)
     if isinstance(result.inspection, EventsInspection):
         inspection_text = format_events_inspection(result.inspection)
@@ -70,6 +72,17 @@ def start_html(result: StartResult) -> str:
         "inspection_text": inspection_text,
     }
     return page("start.html", context, "ibrid_search")
+
+
+def _measured_alone(sweep: Sweep | None) -> dict[str, Any]:
+    """Figures of the data where no diagram could be fitted."""
+    if sweep is None:
+        return {}
+    dots = [
+        Curves(point.op.name, index, point, None, None) for index, point in enumerate(sweep.points)
+    ]
+    label = f", magnitude and phase over frequency, at {', '.join(sweep.names)}."
+    return {"doubts": [], "points": list(sweep.names), "bode": bode_svgs(dots, "bode", label)}
 
 
 def suggest_commands(
