@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -63,6 +64,41 @@ def measure(
     IbridError : a device that cannot be opened, fails, crashes, hangs, answers no numbers, or does
     not settle; an `out` that is a file of the device.
     """
+    measured = measure_timed(
+        device,
+        operating_points,
+        frequency,
+        step_s=step_s,
+        f0_hz=f0_hz,
+        out=out,
+        header=header,
+        settings=settings,
+        tell=tell,
+    )
+    return measured.sweep
+
+
+@dataclass(frozen=True)
+class TimedSweep:
+    """A sweep, and the seconds that the device lived for it."""
+
+    sweep: Sweep
+    simulated_s: float
+
+
+def measure_timed(
+    device: Any,
+    operating_points: Sequence[OperatingPoint | str],
+    frequency: Sequence[float] | np.ndarray,
+    *,
+    step_s: float = 1e-4,
+    f0_hz: float = 50.0,
+    out: str | Path | None = None,
+    header: Sequence[str] = (),
+    settings: MeasureSettings = USUAL,
+    tell: Tell = lambda words, share: None,
+) -> TimedSweep:
+    """Measure as `measure` does, and say how long the device lived."""
     named = [] if out is None else [str(out), str(Path(out).with_suffix(PART))]
     with writing_as("measure", named=named):
         opened = FreshDevice.of(device, step_s, f0_hz, settings)
@@ -96,8 +132,8 @@ def measure(
             write_sweep(sweep, out, header=header)
             kept.drop()
     for sentence in filter(None, (point.warning(multisine.frequency) for point in measured)):
-        warnings.warn(sentence, stacklevel=2)
-    return sweep
+        warnings.warn(sentence, stacklevel=3)
+    return TimedSweep(sweep, sum(point.simulated_s for point in measured))
 
 
 def _measured_point(

@@ -2,7 +2,6 @@
 together.
 """
 
-import re
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ibrid.devices.device_file import DeviceFile
-from ibrid.devices.measuring import measure
+from ibrid.devices.measuring import measure_timed
 from ibrid.devices.recording_events import measure_events
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.read import read_sweep
@@ -24,8 +23,6 @@ from ibrid_search.opening.story import DeviceExperiment, digest_of
 #: Deviation of Y over |Y| below which nothing is asked of the control: what a device's integration
 #: leaves.
 INTEGRATED = 1e-4
-#: In the comment that a measurement of a sweep leaves for each operating point.
-_SIMULATED = re.compile(r"([0-9.e+-]+) s simulated with")
 
 
 def measure_experiment(
@@ -42,9 +39,10 @@ def measure_experiment(
         write_events(replace(events, records=(record,)), path)
         simulated = float(record.time[-1])
     else:
-        sweep = measure(device, [experiment.op], experiment.frequencies, out=path, tell=tell)
-        matches = filter(None, map(_SIMULATED.search, sweep.notes))
-        simulated = sum(float(match.group(1)) for match in matches)
+        measured = measure_timed(
+            device, [experiment.op], experiment.frequencies, out=path, tell=tell
+        )
+        simulated = measured.simulated_s
     return replace(experiment, file=path.name, sha256=digest_of(path), simulated_s=simulated)
 
 
