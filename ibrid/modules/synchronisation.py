@@ -15,8 +15,8 @@ SYNCHRONISATION = "synchronisation"
 
 #: Gains from the voltage on the q axis to the frequency; with v = 1 of a PLL without a filter
 #: omega_n = sqrt(kI_pll) and damping kP_pll / (2 omega_n).
-_KP = proportional(60.0, "rad/s per pu")
-_KI = integral(1500.0, "rad/s^2 per pu")
+_KP = proportional(60.0, "rad/s/pu")
+_KI = integral(1500.0, "rad/s^2/pu")
 
 
 def _srf_pll(kP_pll, kI_pll):

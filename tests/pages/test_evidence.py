@@ -21,7 +21,7 @@ def page_of(folder: Path, *more: str) -> str:
 def test_a_page_says_version_command_and_hash_of_its_data(tmp_path):
     page = page_of(tmp_path)
     digest = sha256((tmp_path / "scan.csv").read_bytes()).hexdigest()[:16]
-    assert f"Made by ibrid {ibrid.__version__}" in page
+    assert f"Version {ibrid.__version__}" in page
     assert f"ibrid evaluate gfl_l_filter {tmp_path}/scan.csv --restarts 0" in page
     assert f"DATA: scan.csv, SHA-256 {digest}" in page
 
@@ -40,4 +40,4 @@ def test_names_and_passwords_of_addresses_are_left_out():
 def test_in_python_a_page_says_the_version_alone():
     assert (evidence_now().command, evidence_now().files) == ("", ())
     record = ibrid.evaluate("naive", "paper_like", restarts=0)
-    assert f"Made by ibrid {ibrid.__version__}</p>" in report_html(record)
+    assert f"Version {ibrid.__version__}</p>" in report_html(record)
