@@ -84,6 +84,13 @@ def test_two_of_three_currents_or_line_voltages_are_enough(tmp_path):
         "vab and vca": {"Vab [V]": lines["Vab [V]"], "Vca [V]": lines["Vca [V]"], **currents},
         "vbc and vca": {"Vbc [V]": lines["Vbc [V]"], "Vca [V]": lines["Vca [V]"], **currents},
         "vba and vcb": {**backward, **currents},
+        "vab and vca beside powers": {
+            "Vab [V]": lines["Vab [V]"],
+            "Vca [V]": lines["Vca [V]"],
+            **currents,
+            "P [kW]": 0 * TIME + 5.0,
+            "Q [kvar]": 0 * TIME,
+        },
         "vab, vbc, ia, ib": {
             "Vab [V]": lines["Vab [V]"],
             "Vbc [V]": lines["Vbc [V]"],

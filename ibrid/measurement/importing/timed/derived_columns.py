@@ -39,7 +39,8 @@ def with_derived_columns(table: ForeignTable, told: Mapping[str, str]) -> Foreig
     lines = _line_voltages(values)
     derived: dict[str, np.ndarray] = {}
     if len(lines) >= 2 and not {"va", "vb", "vc"} <= taken.keys():
-        if {"p", "q"} <= taken.keys() and not {"v", "v_mag"} & taken.keys():
+        beside_powers = {"p", "q"} <= taken.keys() and not {"v", "v_mag"} & taken.keys()
+        if beside_powers and not any(map(_changes_sign, lines.values())):
             derived |= _rms_voltage(lines, columns)
         elif not {"vab", "vbc"} <= taken.keys():
             derived |= _two_lines(lines, columns)
@@ -77,13 +78,16 @@ def _two_lines(
     return {f"{role}{unit}": value for role, value in whole.items() if role not in columns}
 
 
+def _changes_sign(values: np.ndarray) -> bool:
+    """Whether values are instantaneous, not root mean squares."""
+    return bool(np.nanmin(values) < 0 < np.nanmax(values))
+
+
 def _rms_voltage(
     lines: Mapping[str, np.ndarray], columns: Mapping[str, Column]
 ) -> dict[str, np.ndarray]:
-    """The mean of rms values between the phases; none of instantaneous ones."""
+    """The mean of rms values between the phases."""
     sizes = np.abs(np.array(list(lines.values())))
-    if any(np.nanmin(value) < 0 < np.nanmax(value) for value in lines.values()):
-        return {}
     return {f"V_LL{_unit_of(columns, [*_LINES, *_REVERSED])}": sizes.mean(axis=0)}
 
 
