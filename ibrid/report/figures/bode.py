@@ -107,7 +107,7 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
     """Magnitude (per unit) above phase (degrees) of one entry, dots measured, lines the model."""
     magnitude, phase = axes
     place = (slice(None), *ENTRIES[entry])
-    start = _phase_window(entry, shown)
+    start = _phase_window(shown)
     floor = ROUNDING * max(
         (float(np.abs(array).max(initial=0.0)) for array in _arrays(shown)), default=0.0
     )
@@ -212,12 +212,17 @@ def _arrays(shown: Sequence[Curves]) -> list[np.ndarray]:
     return [one.model for one in shown if one.model is not None] + measured
 
 
-def _phase_window(entry: str, shown: Sequence[Curves]) -> float:
-    """Lower end of a window of 360 degrees in which the curves jump least."""
-    lines = [array[(slice(None), *ENTRIES[entry])] for array in _arrays(shown)]
+def _phase_window(shown: Sequence[Curves]) -> float:
+    """Lower end of a window of 360 degrees, the same for all entries, in which the curves jump
+    least.
+    """
+    lines = [
+        array[(slice(None), *place)] for array in _arrays(shown) for place in ENTRIES.values()
+    ]
+    seen = [line[np.abs(line) > 0] for line in lines]
 
     def jumps(start: float) -> float:
-        angles = [_wrapped(line, start) for line in lines]
+        angles = [_wrapped(line, start) for line in seen if len(line)]
         return sum(int((np.abs(np.diff(angle)) > 180).sum()) for angle in angles) + sum(
             float((np.minimum(angle - start, start + 360 - angle) < 12).mean()) for angle in angles
         )
