@@ -216,9 +216,7 @@ def _phase_window(shown: Sequence[Curves]) -> float:
     """Lower end of a window of 360 degrees, the same for all entries, in which the curves jump
     least.
     """
-    lines = [
-        array[(slice(None), *place)] for array in _arrays(shown) for place in ENTRIES.values()
-    ]
+    lines = [array[(slice(None), *place)] for array in _arrays(shown) for place in ENTRIES.values()]
     seen = [line[np.abs(line) > 0] for line in lines]
 
     def jumps(start: float) -> float:
