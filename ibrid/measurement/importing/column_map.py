@@ -1,13 +1,15 @@
 """`--map freq=f,Ydd=ReYdd+jImYdd,p=P`: which columns hold what, where their names do not say it."""
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from ibrid.errors import SweepError, near
 from ibrid.measurement.formats.csv_columns import ENTRIES
 from ibrid.measurement.importing.column_words import unit_of
 
+#: What can be mapped in a file that holds one entry, whose name says which.
+OF_ONE_ENTRY = ("Y", "Z")
 #: What can be mapped.
 ROLES = (
     *("freq", "omega", "op", "p", "q", "v", "sigma", "repeat", "amplitude"),
@@ -50,15 +52,42 @@ def parse_map(
     """
     columns = tuple(known)
     sources: dict[str, Source] = {}
+    for role, value in _items(texts):
+        if role in OF_ONE_ENTRY:
+            raise SweepError(
+                f"--map {role}=.. must be said of files with one entry each, whose names end with "
+                f"it ({role}dd .. {role}qq); name the four: --map {role}dd=..,{role}dq=.."
+            )
+        if role not in ROLES:
+            raise SweepError(f"--map: {role[:40]!r} cannot be mapped, {near(role, ROLES)}")
+        sources[role] = _source(value, columns, beside, role)
+    return sources
+
+
+def parse_map_of_entry(texts: Iterable[str], known: Iterable[str]) -> tuple[str, Source] | None:
+    """Y or Z, and what it is made of in a file with one entry (`Z=#2[dB]@#3[deg]`); None where
+    nobody says it.
+    """
+    columns = tuple(known)
+    for role, value in _items(texts):
+        if role in OF_ONE_ENTRY:
+            return role, _source(value, columns, {}, role)
+    return None
+
+
+def without_map_of_entry(texts: Iterable[str]) -> tuple[str, ...]:
+    """What is mapped beside that."""
+    return tuple(f"{role}={value}" for role, value in _items(texts) if role not in OF_ONE_ENTRY)
+
+
+def _items(texts: Iterable[str]) -> Iterator[tuple[str, str]]:
+    """(role, what it is made of) of each item; SweepError where one is not written so."""
     for text in texts:
         for item in re.findall(r'(?:"[^"]*"|\[[^\]]*\]|[^,]|,(?!\s*\w+\s*=))+', text):
             role, mark, value = (part.strip() for part in item.partition("="))
             if not mark or not value:
                 raise SweepError(f"--map is written {_FORMS}; found {item.strip()[:60]!r}.")
-            if role not in ROLES:
-                raise SweepError(f"--map: {role[:40]!r} cannot be mapped, {near(role, ROLES)}")
-            sources[role] = _source(value, columns, beside, role)
-    return sources
+            yield role, value
 
 
 def _source(

@@ -93,8 +93,11 @@ def _is_real(value: object) -> bool:
     return isinstance(value, float) or (isinstance(value, complex) and not value.imag)
 
 
-def unsaid_decibels(table: ForeignTable, sources: Sequence[Source], account: Account) -> bool:
-    """Whether the magnitudes that say no unit are in dB: where those of each entry go below zero.
+def unsaid_decibels(
+    table: ForeignTable, sources: Sequence[Source], said_unit: str, account: Account
+) -> bool:
+    """Whether the magnitudes that say no unit are in dB: as the user says of the matrix, or where
+    those of each entry go below zero.
 
     Raises SweepError where those of some entries alone do, where some entries say dB and others
     nothing, where another table of the import decides otherwise, and for a negative magnitude in a
@@ -115,6 +118,9 @@ def unsaid_decibels(table: ForeignTable, sources: Sequence[Source], account: Acc
             above.append(source)
         if negative and dimension not in ("", "decibel"):
             raise _negative_magnitude(table, source, f" in {unit_written(source)}")
+    if (unit_of(said_unit) or ("",))[0] == "decibel":
+        account.decibels.setdefault(True, table.where)
+        return True
     if below and above:
         raise _negative_magnitude(
             table, below[0], f", while no {above[0].columns[0]} is below zero"

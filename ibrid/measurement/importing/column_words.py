@@ -8,7 +8,7 @@ Names come as scan tools, laboratories and colleagues write them: `Re(Ydd)/S`, `
 import re
 import tomllib
 import unicodedata
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 
 _WORDS = tomllib.loads(
@@ -102,6 +102,8 @@ class Meaning:
 def meaning_of(name: str) -> Meaning:
     """Read the name of a column; `Meaning()` where it says nothing known."""
     meaning = _meaning(name)
+    if not meaning.role and ": " in name:
+        meaning = _behind_labels(name, meaning)
     sign = CONJUGATE_SIGN.search(without_unit(name)[0])
     changed = _CHANGES.search(meaning.of)
     doubt = sign[0] if sign else changed[0] if changed else ""
@@ -110,6 +112,18 @@ def meaning_of(name: str) -> Meaning:
     return Meaning(
         unit=meaning.unit, dimension=meaning.dimension, factor=meaning.factor, doubt=doubt
     )
+
+
+def _behind_labels(name: str, meaning: Meaning) -> Meaning:
+    """What a part says that stands behind labels: `Trace 1: Impedance: Magnitude (dBΩ)` of network
+    analysers; the meaning as it was where there is none.
+    """
+    labels, _, behind = name.rpartition(": ")
+    part = _meaning(behind)
+    if part.role not in _PARTS:
+        return meaning
+    quantity = next((word for word in ("admittance", "impedance") if word in labels.lower()), "")
+    return replace(part, letter=_letter(part.letter, quantity))
 
 
 def is_known_word(word: str) -> bool:

@@ -32,6 +32,7 @@ from ibrid.measurement.importing.column_words import (
     without_unit,
 )
 from ibrid.measurement.importing.doubts.fill_values import mind_fill_values
+from ibrid.measurement.importing.doubts.polar_units import ask_decibels, ask_radians
 from ibrid.measurement.importing.doubts.units_at_rest import (
     LARGEST_PU,
     ask_units_of_powers,
@@ -151,12 +152,18 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     _require_both_parts(table, [sources[name] for name in entries], unused)
     entry_columns = [column for name in entries for column in sources[name].columns]
     mind_fill_values(table, entry_columns, account)
-    decibel = unsaid_decibels(table, [sources[name] for name in entries], account)
+    said_unit = str(told.get("unit") or "")
+    decibel = unsaid_decibels(table, [sources[name] for name in entries], said_unit, account)
     values = [
         complex_numbers(table, sources[name], account, unsaid_decibel=decibel) for name in entries
     ]
     unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
-    matrix = np.stack([value for value, _ in values], axis=-1) * factor
+    matrix = np.stack([value for value, _ in values], axis=-1)
+    ask_radians(table, [sources[name] for name in entries], account)
+    if not decibel:
+        of_entries = [sources[name] for name in entries]
+        ask_decibels(table, of_entries, frequency, matrix, quantity.letter, account)
+    matrix = matrix * factor
     if not told.get("quantity"):
         ask_which_matrix(table, sources, frame, matrix, account)
     if unsaid:
@@ -536,10 +543,11 @@ def _unit(
         ratio = (ours[1] ** 2 / ours[0]) / (theirs[1] ** 2 / theirs[0])
         return "pu", factor * (ratio if quantity.letter == "Y" else 1 / ratio)
     if said:
-        stated = unit_of(said)
+        stated = unit_of_matrix(said)
         if stated is None or stated[0] not in ("admittance", "impedance", "per unit"):
             raise SweepError(
-                f"--unit must be pu, pu:BASE, S or ohm, also with m, k or M; found {said[:40]!r}."
+                "--unit must be pu, pu:BASE, S or ohm, also with m, k or M, or dBS or dBohm; found "
+                f"{said[:40]!r}."
             )
         if dimension == stated[0] and factor != stated[1]:
             account.remark(

@@ -5,7 +5,6 @@ Tables that keep the four entries of a matrix apart, in rows or in files of thei
 with them side by side.
 """
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -23,7 +22,7 @@ from ibrid.measurement.formats.model_poles import MODEL
 from ibrid.measurement.formats.pscad import pscad_response
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
-from ibrid.measurement.importing.column_words import Meaning, entry_named, meaning_of
+from ibrid.measurement.importing.column_map import without_map_of_entry
 from ibrid.measurement.importing.doubts.alike_points import mind_alike_points
 from ibrid.measurement.importing.dq_frequency import in_dq
 from ibrid.measurement.importing.foreign_part import OF_EACH, Part, part_of, per_unit
@@ -48,7 +47,8 @@ from ibrid.measurement.importing.numbers.number_format import number_format, wit
 from ibrid.measurement.importing.point_rows import operating_points
 from ibrid.measurement.importing.repeated_runs import require_repeats
 from ibrid.measurement.importing.shapes.copied_rows import without_copied_rows
-from ibrid.measurement.importing.shapes.long_tables import matrix_and_unit, with_entries
+from ibrid.measurement.importing.shapes.entries_apart import joined_entries, widened
+from ibrid.measurement.importing.shapes.long_tables import with_entries
 from ibrid.measurement.importing.shapes.more_ports import own_block
 from ibrid.measurement.importing.shapes.rest_columns import with_rest
 from ibrid.measurement.importing.shapes.signed_names import without_signs
@@ -167,7 +167,10 @@ def import_tables(
     if 0 < max(table.polar_angle for table in tables) <= polar_cells.TURN:
         account.ask(*polar_cells.QUESTION)
     files = list(dict.fromkeys(table.where for table in tables))
-    tables = joined_entries([widened(table) for table in tables])
+    joined = joined_entries([widened(table) for table in tables], account.maps)
+    if len(joined) < len(tables):
+        account.maps = without_map_of_entry(account.maps)
+    tables = joined
     if len(tables) > 1 and {"p", "q"} & said.keys() and not account.said.get("op"):
         raise SweepError(
             f"--p and --q are those of one operating point; found {len(tables)} tables, add "
@@ -401,113 +404,3 @@ def _require_repeats(table: Table, parts: Sequence[Part]) -> None:
         both = f"lines {table.line[before[0]]} and {table.line[again[0]]} of {where} ({name})"
         said = any(part.one_point for part in parts)
         require_repeats(entries[before], entries[again], parts[0].counting.frame, both, said=said)
-
-
-def widened(table: ForeignTable) -> ForeignTable:
-    """A table with one row for each entry, which a column names, as one with four entries in a
-    row.
-    """
-    meanings = {name: meaning_of(name) for name in table.columns}
-    labels = next((name for name, one in meanings.items() if one.role == "entry"), None)
-    generic = {
-        name: one for name, one in meanings.items() if one.role in ("re", "im", "mag", "phase")
-    }
-    if labels is None:
-        return table
-    entries = [entry_named(str(cell)) for cell in table.columns[labels].tolist()]
-    value = generic or {
-        name: one
-        for name, one in meanings.items()
-        if not one.role and table.columns[name].dtype.kind == "c"
-    }
-    if not value or not all(entries):
-        return table
-    letter, unit, column_of_units = matrix_and_unit(table, labels)
-    idle = (labels, column_of_units)
-    others = [name for name in table.columns if name not in idle and name not in value]
-    keys = list(zip(*(table.columns[name].tolist() for name in others), strict=True))
-    rows = {key: k for k, key in enumerate(dict.fromkeys(keys))}
-    places, labelled = np.array([rows[key] for key in keys]), np.array(entries)
-    if len({*zip(places.tolist(), entries, strict=True)}) < len(keys):
-        raise SweepError(
-            f"{table.where} must hold each entry once in a row of its kind; number repeats in a "
-            "column repeat."
-        )
-    columns: dict[str, np.ndarray] = {}
-    for entry in dict.fromkeys(entries):
-        for name, meaning in value.items():
-            column = np.full(len(rows), np.nan, dtype=table.columns[name].dtype)
-            column[places[labelled == entry]] = table.columns[name][labelled == entry]
-            measured = (
-                meaning if meaning.unit or meaning.role == "phase" else replace(meaning, unit=unit)
-            )
-            columns[_entry_column(entry, name, measured, letter)] = column
-    first = [keys.index(key) for key in rows]
-    columns = {name: table.columns[name][first] for name in others} | columns
-    return replace(table, columns=columns, line=table.line[first])
-
-
-def joined_entries(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
-    """Files with one entry each, told by the end of their names (scan_Ydd.csv ..
-
-    scan_Yqq.csv), as one table.
-    """
-    joined: list[ForeignTable] = []
-    groups: dict[tuple[str, str, Path], list[tuple[str, ForeignTable]]] = {}
-    for table in tables:
-        entry = entry_named(table.stem)
-        generic = [
-            name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")
-        ]
-        if (
-            not entry
-            or not generic
-            or any(meaning_of(name).role == "matrix" for name in table.columns)
-        ):
-            joined.append(table)
-            continue
-        key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
-        groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
-    for (key, book, folder), members in groups.items():
-        grids = {
-            n: column
-            for n, column in members[0][1].columns.items()
-            if meaning_of(n).role in ("freq", "omega")
-        }
-        columns = dict(grids)
-        for entry, table in members:
-            for name, grid in grids.items():
-                own = table.columns.get(name)
-                if own is None or own.shape != grid.shape or not np.allclose(own, grid):
-                    raise SweepError(
-                        f"{table.where} must have the frequencies of {members[0][1].where}; found "
-                        "others."
-                    )
-            letter = re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem)
-            for name in (name for name in table.columns if name not in grids):
-                own = _entry_column(
-                    entry, name, meaning_of(name), letter[1].upper() if letter else ""
-                )
-                if own in columns:
-                    words = (
-                        f"name alike what belongs to one operating point: OP1_{entry}, OP2_{entry}"
-                    )
-                    raise SweepError(
-                        f"{table.where} must not hold {own} again, found in {members[0][1].where}; "
-                        f"{words}."
-                    )
-                columns[own] = table.columns[name]
-        where = some((table.where for _, table in members), 1)
-        joined.append(
-            replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns)
-        )
-    return joined
-
-
-def _entry_column(entry: str, name: str, meaning: Meaning, letter: str = "") -> str:
-    unit = f" [{meaning.unit}]" if meaning.unit else ""
-    return (
-        f"{meaning.letter or letter}{entry}_{meaning.role}{unit}"
-        if meaning.role
-        else f"{letter}{entry}{unit}"
-    )

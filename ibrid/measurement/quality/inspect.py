@@ -29,6 +29,7 @@ from ibrid.measurement.quality.event_inspection import EventsInspection, inspect
 from ibrid.measurement.quality.passivity import passivity
 from ibrid.measurement.quality.plausibility import implausible_numbers
 from ibrid.measurement.quality.sequence_view import SequenceView, sequence_view
+from ibrid.measurement.quality.shifted_entries import shifted_entries
 from ibrid.measurement.quality.wrong_rows import WrongRow, contradicted_rows, wrong_rows
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.amplitudes import levels_of
@@ -257,6 +258,7 @@ def warnings_of(
     sentences = [WORDS] if NOTE in sweep.notes else []
     sentences += [
         *contradicted_rows(sweep),
+        *shifted_entries(sweep),
         *conventions.warnings,
         *implausible_numbers(sweep, sampling_hz),
     ]

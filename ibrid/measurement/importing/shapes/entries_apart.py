@@ -1,0 +1,147 @@
+"""The four entries of a matrix that stand apart, in rows or in files of their own, side by side."""
+
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ibrid.errors import SweepError, some
+from ibrid.measurement.importing.column_map import Source, parse_map_of_entry
+from ibrid.measurement.importing.column_words import Meaning, entry_named, meaning_of
+from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.shapes.long_tables import matrix_and_unit
+
+
+def widened(table: ForeignTable) -> ForeignTable:
+    """A table with one row for each entry, which a column names, as one with four entries in a
+    row.
+    """
+    meanings = {name: meaning_of(name) for name in table.columns}
+    labels = next((name for name, one in meanings.items() if one.role == "entry"), None)
+    generic = {
+        name: one for name, one in meanings.items() if one.role in ("re", "im", "mag", "phase")
+    }
+    if labels is None:
+        return table
+    entries = [entry_named(str(cell)) for cell in table.columns[labels].tolist()]
+    value = generic or {
+        name: one
+        for name, one in meanings.items()
+        if not one.role and table.columns[name].dtype.kind == "c"
+    }
+    if not value or not all(entries):
+        return table
+    letter, unit, column_of_units = matrix_and_unit(table, labels)
+    idle = (labels, column_of_units)
+    others = [name for name in table.columns if name not in idle and name not in value]
+    keys = list(zip(*(table.columns[name].tolist() for name in others), strict=True))
+    rows = {key: k for k, key in enumerate(dict.fromkeys(keys))}
+    places, labelled = np.array([rows[key] for key in keys]), np.array(entries)
+    if len({*zip(places.tolist(), entries, strict=True)}) < len(keys):
+        raise SweepError(
+            f"{table.where} must hold each entry once in a row of its kind; number repeats in a "
+            "column repeat."
+        )
+    columns: dict[str, np.ndarray] = {}
+    for entry in dict.fromkeys(entries):
+        for name, meaning in value.items():
+            column = np.full(len(rows), np.nan, dtype=table.columns[name].dtype)
+            column[places[labelled == entry]] = table.columns[name][labelled == entry]
+            measured = (
+                meaning if meaning.unit or meaning.role == "phase" else replace(meaning, unit=unit)
+            )
+            columns[_entry_column(entry, name, measured, letter)] = column
+    first = [keys.index(key) for key in rows]
+    columns = {name: table.columns[name][first] for name in others} | columns
+    return replace(table, columns=columns, line=table.line[first])
+
+
+def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> list[ForeignTable]:
+    """Files with one entry each, told by the end of their names (scan_Ydd.csv .. scan_Yqq.csv), as
+    one table.
+
+    maps : of which `Z=MAG[dB]@PHASE[deg]` names the columns in each file.
+    """
+    maps = tuple(maps)
+    joined: list[ForeignTable] = []
+    groups: dict[tuple[str, str, Path], list[tuple[str, ForeignTable]]] = {}
+    for table in tables:
+        entry = entry_named(table.stem)
+        mapped = parse_map_of_entry(maps, table.columns) if entry else None
+        table = _with_parts_named(table, *mapped) if mapped else table
+        generic = [
+            name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")
+        ]
+        if (
+            not entry
+            or not generic
+            or any(meaning_of(name).role == "matrix" for name in table.columns)
+        ):
+            joined.append(table)
+            continue
+        key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
+        groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
+    for (key, book, folder), members in groups.items():
+        grids = {
+            n: column
+            for n, column in members[0][1].columns.items()
+            if meaning_of(n).role in ("freq", "omega")
+        }
+        columns = dict(grids)
+        for entry, table in members:
+            for name, grid in grids.items():
+                own = table.columns.get(name)
+                if own is None or own.shape != grid.shape or not np.allclose(own, grid):
+                    raise SweepError(
+                        f"{table.where} must have the frequencies of {members[0][1].where}; found "
+                        "others."
+                    )
+            letter = re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem)
+            for name in (name for name in table.columns if name not in grids):
+                own = _entry_column(
+                    entry, name, meaning_of(name), letter[1].upper() if letter else ""
+                )
+                if own in columns:
+                    words = (
+                        f"name alike what belongs to one operating point: OP1_{entry}, OP2_{entry}"
+                    )
+                    raise SweepError(
+                        f"{table.where} must not hold {own} again, found in {members[0][1].where}; "
+                        f"{words}."
+                    )
+                columns[own] = table.columns[name]
+        where = some((table.where for _, table in members), 1)
+        joined.append(
+            replace(members[0][1], where=where, stem=key or book or folder.name, columns=columns)
+        )
+    return joined
+
+
+def _with_parts_named(table: ForeignTable, letter: str, source: Source) -> ForeignTable:
+    """The table whose two columns of an entry are called what they are said to be."""
+    if not source.joined:
+        raise SweepError(
+            f"{table.where}: --map {letter}=.. must name two columns, {letter}=MAG[dB]@PHASE[deg] "
+            f"or {letter}=RE+jIM; found one."
+        )
+    parts, units = {
+        "@": (("mag", "phase"), (source.unit, source.angle)),
+        "j": (("re", "im"), (source.unit, source.imaginary or source.unit)),
+    }[source.joined]
+    named = {}
+    for column, part, said in zip(source.columns, parts, units, strict=True):
+        unit = said or meaning_of(column).unit
+        named[column] = f"{letter}_{part} [{unit}]" if unit else f"{letter}_{part}"
+    columns = {named.get(name, name): column for name, column in table.columns.items()}
+    return replace(table, columns=columns)
+
+
+def _entry_column(entry: str, name: str, meaning: Meaning, letter: str = "") -> str:
+    unit = f" [{meaning.unit}]" if meaning.unit else ""
+    return (
+        f"{meaning.letter or letter}{entry}_{meaning.role}{unit}"
+        if meaning.role
+        else f"{letter}{entry}{unit}"
+    )
