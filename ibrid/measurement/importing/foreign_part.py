@@ -656,7 +656,17 @@ def per_unit(role: str, part: Part, account: Account) -> np.ndarray:
     bases = bases_of(part.told, account) if dimension == "power" or said.startswith("pu:") else None
     if bases and dimension == "power":
         return values / bases[0]
-    return values * base_of(said[3:], "--unit pu:BASE")[0] / bases[0] if bases else values
+    if not bases:
+        return values
+    ratio = base_of(said[3:], "--unit pu:BASE")[0] / bases[0]
+    largest = float(np.nanmax(np.abs(values), initial=0.0))
+    if largest <= LARGEST_PU < largest * ratio:
+        raise SweepError(
+            f"{part.table.where}: {role} must be per unit of the base of --unit, {said[3:]}; found "
+            f"{largest:g}, which is {largest * ratio:.4g} on the base of the device, write "
+            f"{role} {largest / ratio:.4g} where {largest:g} of the device is meant."
+        )
+    return values * ratio
 
 
 def in_volts(values: np.ndarray, dimension: str) -> bool:

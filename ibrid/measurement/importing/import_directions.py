@@ -40,6 +40,8 @@ _UNUSUAL = {
 }
 _UNSEEN = "the frequencies do not show it; d in most programs"
 _WHERE_UNSEEN = "where the frequencies do not show it"
+#: What looks like a direction that the highest frequencies show.
+_TWINS = {"lags": ", unless the columns of Ydq and Yqd are exchanged, which looks alike there"}
 #: Nominal frequency where nobody says it yet, Hz: what is asked of the highest frequencies hardly
 #: depends on it.
 _USUAL_HZ = 50.0
@@ -81,7 +83,8 @@ def directions_of(
     for key, signs in zip(("current", "q_axis"), map(set, seen), strict=True):
         if len(choices[key]) > 1 and signs in ({1}, {-1}):
             choices[key] = CHOICES[key][:1] if signs == {1} else CHOICES[key][1:]
-            account.remark(f"{key}: {choices[key][0]}, as the highest frequencies show")
+            twin = _TWINS.get(choices[key][0], "")
+            account.remark(f"{key}: {choices[key][0]}, as the highest frequencies show{twin}")
     readings = list(product(*choices.values()))
     if len(readings) > 1:
         noise = estimate(plain)

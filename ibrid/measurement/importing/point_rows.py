@@ -346,7 +346,9 @@ def _ask_of_powers(parts: Sequence[Part], account: Account) -> None:
     several = len(rows) > 1
     sentence = "the steady state p and q, delivered"
     if not several and len(parts) == 1 and not account.points:
-        account.ask(sentence, "--p 0.8 --q 0 (per unit)", COLUMNS)
+        unit = str(parts[0].told.get("unit") or "")
+        base = f" of {unit[3:].split(',')[0]}, as --unit says" if unit.startswith("pu:") else ""
+        account.ask(sentence, f"--p 0.8 --q 0 (per unit{base})", COLUMNS)
         return
     named = [_point_to_say(label, *place) for label, place in [*rows.items()][:_LISTED]]
     options = " ".join(f"--op {text}" for text, _ in named) + " .." * (len(rows) > _LISTED)

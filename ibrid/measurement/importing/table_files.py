@@ -15,6 +15,7 @@ from ibrid.measurement.formats.files import read_bytes, require_short_lines
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.binary import foreign_binary as binary
 from ibrid.measurement.importing.binary.hdf5_file import hdf5_arrays
+from ibrid.measurement.importing.column_words import meaning_of
 from ibrid.measurement.importing.foreign_table import (
     ForeignTable,
     array_table,
@@ -139,16 +140,18 @@ def _letters(column: int) -> str:
 def _of_arrays(
     arrays: dict[str, np.ndarray], where: str, stem: str, of_matlab: bool, form: NumberFormat
 ) -> list[ForeignTable]:
-    """A table for each element of a structure array, with what stands beside it; else one."""
-    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE)) or {
-        "": None
-    }
+    """A table for each element of a structure array, or for each of several groups with arrays of
+    the same names, with what stands beside them; else one.
+    """
+    elements = dict.fromkeys(re.findall(r"^.*?\(\d+\)(?=\.)", "\n".join(arrays), re.MULTILINE))
+    elements = list(elements) or _groups_alike(arrays) or [""]
     tables = []
     for element in elements:
+        others = tuple(f"{other}." for other in elements if other != element)
         own = {
             n.removeprefix(f"{element}."): v
             for n, v in arrays.items()
-            if n.startswith(element) or ")." not in n
+            if n.startswith(f"{element}.") or not n.startswith(others)
         }
         tables.append(
             array_table(
@@ -160,6 +163,21 @@ def _of_arrays(
             )
         )
     return tables
+
+
+def _groups_alike(arrays: dict[str, np.ndarray]) -> list[str]:
+    """Paths of groups of which each has frequencies and other arrays, by the same names; none where
+    there is but one.
+    """
+    held: dict[str, set[str]] = {}
+    for path, value in arrays.items():
+        group, _, name = path.rpartition(".")
+        if group and value.dtype.kind in "iufc" and value.size > 1:
+            held.setdefault(group, set()).add(name)
+    names = list(held.values())
+    alike = len(held) > 1 and len(names[0]) > 1 and all(one == names[0] for one in names)
+    is_sweep = alike and any(meaning_of(name).role in ("freq", "omega") for name in names[0])
+    return list(held) if is_sweep else []
 
 
 def _decoded(content: bytes, where: str) -> list[str]:

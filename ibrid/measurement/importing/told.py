@@ -8,7 +8,13 @@ from dataclasses import dataclass
 from math import pi
 
 from ibrid.errors import SweepError
-from ibrid.measurement.importing.column_words import BESIDE, ROLE_NAMES, letters_of, unit_of
+from ibrid.measurement.importing.column_words import (
+    BESIDE,
+    ROLE_NAMES,
+    letters_of,
+    unit_of,
+    without_unit,
+)
 from ibrid.ranges import require_in_range
 
 _NUMBER = r"[-+−]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
@@ -127,6 +133,9 @@ def _pairs(notes: Iterable[str]) -> Iterator[_Pair]:
             rest = _BEHIND.match(note, match.end())
             after = rest[0] if rest else ""
             key = _key_of(name)
+            bare, unit_in_name = without_unit(name.strip())
+            if not key and not (bracket or behind) and (key := _key_of(bare)):
+                name, behind = bare, unit_in_name  # P_pu, Q_kvar
             words = " ".join(filter(None, (name, bracket, behind, after)))
             is_one_of_two = not behind and _SECOND.match(after) is not None
             is_doubted = key in _DOUBTS and (

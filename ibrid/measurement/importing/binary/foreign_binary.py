@@ -151,20 +151,70 @@ def _with_parts_apart(columns: dict[str, Any]) -> dict[str, Any]:
 
 
 def json_cells(content: bytes) -> dict[str, np.ndarray]:
-    """Records, or lists by name with single numbers beside them, as a table with names, as text.
+    """Records, or lists by name with single numbers beside them, as a table with names, as text;
+    objects of such lists as a table each, by their name.
 
-    Every name of any record is a column, with empty cells where a record lacks it.
+    Every name of any record is a column, with empty cells where a record lacks it. An object of
+    single values, such as {"meta": {"f0_hz": 60}}, becomes lines of comments above.
     """
-    held = json_in(content)
-    columns = _of_records(held) if isinstance(held, list) else held
-    if not isinstance(columns, dict):
+    held = _points_by_name(json_in(content))
+    if isinstance(held, list):
+        return {"table": _as_text(_rows_of_lists(_of_records(held)))}
+    if not isinstance(held, dict):
         raise ValueError("it is a single value")
-    columns = _with_parts_apart(columns)
+    tables = {name: one for name, one in held.items() if _is_table(one)}
+    beside = {name: one for name, one in held.items() if name not in tables}
+    if not tables:
+        return {"table": _as_text(_with_comments(held))}
+    if any(isinstance(one, list) for one in beside.values()):
+        raise ValueError(f"it holds lists beside {min(tables)[:40]!r}, which is a table of its own")
+    return {name: _as_text(_with_comments({**beside, **one})) for name, one in tables.items()}
+
+
+def _points_by_name(held: Any) -> Any:
+    """Tables that stand in a list, alone or under one name, by their own names or numbers."""
+    if isinstance(held, dict):
+        lists = [one for one in held.values() if isinstance(one, list)]
+        beside = {name: one for name, one in held.items() if not isinstance(one, list)}
+        points = lists[0] if len(lists) == 1 else []
+    else:
+        beside, points = {}, held if isinstance(held, list) else []
+    if not points or not all(_is_table(one) for one in points):
+        return held
+    named = {}
+    for number, one in enumerate(points, 1):
+        name = str(one.get("name") or one.get("op") or f"point_{number}")
+        named[f"{name}_{number}" if name in named else name] = one
+    return {**beside, **named}
+
+
+def _is_table(value: Any) -> bool:
+    """Whether an object holds lists of its own, more than the two parts of an entry."""
+    if not isinstance(value, dict):
+        return False
+    return sum(isinstance(one, list | dict) for one in value.values()) > 2
+
+
+def _with_comments(held: dict[str, Any]) -> list[Any]:
+    """Rows of lists by name, below a line for each value of an object that holds no list."""
+    lists: dict[str, Any] = {}
+    comments = []
+    for name, one in held.items():
+        if not isinstance(one, dict):
+            lists[name] = one
+        elif any(isinstance(part, list) for part in one.values()):
+            lists |= {f"{name}_{part}": value for part, value in one.items()}
+        else:
+            comments += [[f"# {key}: {value}"] for key, value in one.items()]
+    return [*comments, *_rows_of_lists(lists)]
+
+
+def _rows_of_lists(held: dict[str, Any]) -> list[Any]:
+    """The names, then a row for each place of the lists, with single values in all of them."""
+    columns = _with_parts_apart(held)
     for name, column in columns.items():
-        if any(
-            isinstance(cell, list | dict)
-            for cell in (column if isinstance(column, list) else [column])
-        ):
+        cells = column if isinstance(column, list) else [column]
+        if any(isinstance(cell, list | dict) for cell in cells):
             raise ValueError(
                 f"{name[:40]!r} must hold numbers or texts, found lists or objects in it"
             )
@@ -181,7 +231,7 @@ def json_cells(content: bytes) -> dict[str, np.ndarray]:
         *(column if isinstance(column, list) else [column] * count for column in columns.values()),
         strict=True,
     )
-    return {"table": _as_text([list(columns), *rows])}
+    return [list(columns), *rows]
 
 
 def _of_records(records: list[Any]) -> dict[str, list[Any]]:
