@@ -29,6 +29,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid.fit.settings import FitSettings
     from ibrid.gap.recordings.joint_fit import evaluate_events
     from ibrid.gap.workflow import find_gap
+    from ibrid.generic.generic_model import generic_model
     from ibrid.measurement.formats.csv_file import write_sweep
     from ibrid.measurement.formats.event_csv import write_events
     from ibrid.measurement.formats.frd import from_frd, from_system
@@ -81,6 +82,7 @@ __all__ = [
     "find_gap",
     "from_frd",
     "from_system",
+    "generic_model",
     "inspect",
     "load",
     "measure",
@@ -129,6 +131,7 @@ HOMES = {
     "FitSettings": "ibrid.fit.settings",
     "from_frd": "ibrid.measurement.formats.frd",
     "from_system": "ibrid.measurement.formats.frd",
+    "generic_model": "ibrid.generic.generic_model",
     "IbridError": "ibrid.errors",
     "inspect": "ibrid.measurement.quality.inspect",
     "LargeSignal": "ibrid.modules.large_signal",

@@ -1,8 +1,11 @@
-"""`ibrid generic EVENTS --model NAME`: a generic planning model fitted to recordings."""
+"""`ibrid generic DATA --model NAME`: a generic planning model fitted to recordings, or to what an
+identified model answers to standard events.
+"""
 
 from argparse import Namespace
 from pathlib import Path
 
+from ibrid.arguments.places import is_record
 from ibrid.commands import inputs
 from ibrid.errors import IbridError
 from ibrid.writing import inside, require_folder, write_json, write_whole
@@ -17,6 +20,8 @@ def run(arguments: Namespace) -> int:
     from ibrid.generic.dialect import dialect_named
     from ibrid.generic.dyr import dyr_text, read_dyr, values_from
     from ibrid.generic.model import model_named
+    from ibrid.generic.projection import project_generic_model
+    from ibrid.plants.sweeping import operating_point
     from ibrid.report.pages.generic_page import generic_page
     from ibrid.report.texts.generic_text import generic_text
 
@@ -30,14 +35,25 @@ def run(arguments: Namespace) -> int:
     if arguments.start is not None:
         start, at, machine = values_from(read_dyr(arguments.start), model.blocks, bus, arguments.id)
         bus = at
-    events = inputs.events(arguments.events, inputs.said_of_events(arguments))
-    answer = fit_generic_model(events, model.name, start=start, dialect=arguments.dialect)
-    rest = events.records[0].rest
+    if is_record(arguments.events):
+        answer = project_generic_model(
+            inputs.record(arguments.events),
+            model.name,
+            points=[operating_point(text) for text in arguments.op],
+            start=start,
+            dialect=arguments.dialect,
+        )
+    elif arguments.op:
+        raise IbridError("--op belongs to a record; recordings bring their own p, q and v")
+    else:
+        events = inputs.events(arguments.events, inputs.said_of_events(arguments))
+        answer = fit_generic_model(events, model.name, start=start, dialect=arguments.dialect)
+    rest = answer.played[0].record.rest
     case = andes_case(
         model.blocks,
         answer.fit.values,
         (rest.p, rest.q, rest.v),
-        events.f0_hz,
+        answer.f0_hz,
         dialect.rate_over_tg,
     )
     page = generic_page(answer)

@@ -121,6 +121,8 @@ def fit_generic(
     """
     problem, begin = _Problem(model, records, dialect), {**model.typical, **(start or {})}
     best = begin if held_flags else _flags_chosen(problem, begin)
+    for other in model.starts:
+        best = _better(problem, best, {**begin, **other}, held_flags)
     best = problem.fitted(best, _shown(problem, best), LONG)
     best, scanned, unseen = _scan(problem, best)
     best, free, dropped = _only_shown(problem, best, begin)
@@ -151,6 +153,15 @@ def _flags_chosen(problem: _Problem, begin: dict[str, float]) -> dict[str, float
     return best
 
 
+def _better(
+    problem: _Problem, best: dict[str, float], start: dict[str, float], held_flags: bool
+) -> dict[str, float]:
+    """The values, or those that a short fit reaches from another start, where they leave less."""
+    chosen = start if held_flags else _flags_chosen(problem, start)
+    tried = problem.fitted(chosen, _shown(problem, chosen), SHORT)
+    return tried if problem.squares(tried) < problem.squares(best) - LIKELY else best
+
+
 def _shown(problem: _Problem, values: Mapping[str, float]) -> list[Constant]:
     """Constants that change the answer at all."""
     fitted = [constant for constant in problem.model.constants if constant.way == "fitted"]
@@ -161,8 +172,8 @@ def _shown(problem: _Problem, values: Mapping[str, float]) -> list[Constant]:
 def _scan(
     problem: _Problem, values: dict[str, float]
 ) -> tuple[dict[str, float], dict[str, tuple[float, float]], dict[str, str]]:
-    """The values with each threshold where the squares are least, between which values it is as
-    likely, and why those are left that change nothing.
+    """The values with each threshold at the nearest of those that are as likely as the best,
+    between which values that is, and why those are left that change nothing.
     """
     scanned, unseen = {}, {}
     for constant in (one for one in problem.model.constants if one.way == "scanned"):
@@ -175,7 +186,8 @@ def _scan(
             unseen[constant.name] = "no event reaches it"
             continue
         if not np.isin(values[constant.name], likely):
-            values = {**values, constant.name: float(grid[int(np.argmin(squares))])}
+            nearest = likely[int(np.argmin(np.abs(likely - values[constant.name])))]
+            values = {**values, constant.name: float(nearest)}
         scanned[constant.name] = float(likely.min()), float(likely.max())
     return values, scanned, unseen
 
@@ -187,9 +199,14 @@ def _only_shown(
     fitted = [constant for constant in problem.model.constants if constant.way == "fitted"]
     free, unseen = _shown(problem, values), {}
     for constant in fitted:
-        if constant not in free:
+        if constant in free:
+            continue
+        back = {**values, constant.name: begin[constant.name]}
+        if problem.squares(back) <= problem.squares(values) + LIKELY:
             unseen[constant.name] = "it changes nothing in these events"
-            values = {**values, constant.name: begin[constant.name]}
+            values = back
+        else:
+            unseen[constant.name] = f"these events refute {begin[constant.name]:g}, and no more"
     while free:
         deviations = np.sqrt(np.diag(_covariance(problem, values, free)))
         worst = int(np.argmax(deviations))

@@ -20,11 +20,14 @@ Played = Callable[
 
 @dataclass(frozen=True)
 class GenericModel:
-    """`play` : values, dialect, time, v, told, rest -> current."""
+    """`play` : values, dialect, time, v, told, rest -> current. `starts` : values beside the
+    typical ones at which a fit begins too, since least squares does not get there from them.
+    """
 
     name: str
     blocks: tuple[LawBlock, ...]
     play: Played
+    starts: tuple[Mapping[str, float], ...] = ()
 
     @property
     def typical(self) -> dict[str, float]:
@@ -37,9 +40,15 @@ class GenericModel:
         return tuple(constant for block in self.blocks for constant in block.constants)
 
 
+#: A converter that keeps its active current in a dip.
+_WHOLE_IN_DIPS = {"Lvpnt1": 0.25, "Lvpnt0": 0.05, "Imax": 1.6}
 MODELS = {
     model.name: model
-    for model in (GenericModel("wecc_regc_a+reec_a", (REGC_A, REEC_A), play_current_source),)
+    for model in (
+        GenericModel(
+            "wecc_regc_a+reec_a", (REGC_A, REEC_A), play_current_source, (_WHOLE_IN_DIPS,)
+        ),
+    )
 }
 
 

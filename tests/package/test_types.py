@@ -30,6 +30,7 @@ from ibrid.analysis.models.residuals import Residuals
 from ibrid.analysis.grids.stability import Stability
 from ibrid.export import NonlinearModel
 from ibrid.gap.answers.result import Gap, NamedEffect
+from ibrid.generic.answer import GenericAnswer
 from ibrid.measurement import Inspection
 from ibrid.structure.comparison.compare import Comparison
 from ibrid.structure.grammar_rules.violation import Violation
@@ -73,6 +74,7 @@ assert_type(ibrid.read_record("record.json"), Record)
 assert_type(record.nrmse, float | None)
 assert_type(ibrid.predict(record, "p=1,q=0", np.array([50.0])), Prediction)
 assert_type(ibrid.residuals(record), Residuals)
+assert_type(ibrid.generic_model(record), GenericAnswer)
 ibrid.plot("paper_like", record)
 assert_type(ibrid.stability(record, scr=[1.5, 3.0]), Stability)
 assert_type(ibrid.power_jacobian(record, "p=1,q=0"), PowerJacobian)

@@ -13,6 +13,7 @@ from ibrid.analysis.grids.stability import Stability
 from ibrid.analysis.models.modes import QUANTILE
 from ibrid.analysis.models.prediction import Prediction
 from ibrid.evaluation.record import Record
+from ibrid.generic.answer import GenericAnswer
 from ibrid.measurement.quality.event_inspection import EventsInspection
 from ibrid.measurement.quality.inspect import Inspection
 from ibrid.measurement.recordings.events import Events
@@ -26,6 +27,7 @@ from ibrid.report.figures.bode import Curves, bode_svgs
 from ibrid.report.figures.events import draw_events
 from ibrid.report.figures.trajectory import Trajectory, draw_trajectory
 from ibrid.report.look.figure import inline_svg
+from ibrid.report.pages.generic_page import generic_facts
 from ibrid.report.pages.page import record_facts
 from ibrid.report.pages.stability_page import mode_rows, stability_facts
 from ibrid.report.pages.template import output, tag
@@ -110,6 +112,11 @@ def search_html(
         "parameters": best and parameter_groups(best),
     }
     return output("searched.html", facts, shown=("trajectory", "diagram", "more"))
+
+
+def generic_html(answer: GenericAnswer) -> str:
+    """Errors by record, remarks and the parameters."""
+    return output("generic.html", generic_facts(answer), shown=("errors", "parameters"))
 
 
 def prediction_html(point: Prediction) -> str:
