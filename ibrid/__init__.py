@@ -29,7 +29,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid.fit.settings import FitSettings
     from ibrid.gap.recordings.joint_fit import evaluate_events
     from ibrid.gap.workflow import find_gap
-    from ibrid.generic.generic_model import generic_model
+    from ibrid.generic.fitting import generic_model
     from ibrid.measurement.formats.csv_file import write_sweep
     from ibrid.measurement.formats.event_csv import write_events
     from ibrid.measurement.formats.frd import from_frd, from_system
@@ -131,7 +131,7 @@ HOMES = {
     "FitSettings": "ibrid.fit.settings",
     "from_frd": "ibrid.measurement.formats.frd",
     "from_system": "ibrid.measurement.formats.frd",
-    "generic_model": "ibrid.generic.generic_model",
+    "generic_model": "ibrid.generic.fitting",
     "IbridError": "ibrid.errors",
     "inspect": "ibrid.measurement.quality.inspect",
     "LargeSignal": "ibrid.modules.large_signal",

@@ -21,6 +21,7 @@ PARTS = {
     "ibrid.gap": "Gap",
     "ibrid.parts": "Control practice",
     "ibrid.analysis": "Prediction and stability",
+    "ibrid.generic": "Generic planning models",
     "ibrid.export": "Export",
     "ibrid.report": "Pages",
     "ibrid_search": "Search",

@@ -116,7 +116,8 @@ def search_html(
 
 def generic_html(answer: GenericAnswer) -> str:
     """Errors by record, remarks and the parameters."""
-    return output("generic.html", generic_facts(answer), shown=("errors", "parameters"))
+    facts = generic_facts(answer) | {"figures": []}
+    return output("generic.html", facts, shown=("errors", "parameters"))
 
 
 def prediction_html(point: Prediction) -> str:

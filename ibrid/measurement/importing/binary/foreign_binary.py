@@ -199,13 +199,13 @@ def _with_comments(held: dict[str, Any]) -> list[Any]:
     """Rows of lists by name, below a line for each value of an object that holds no list."""
     lists: dict[str, Any] = {}
     comments = []
-    for name, one in held.items():
-        if not isinstance(one, dict):
-            lists[name] = one
-        elif any(isinstance(part, list) for part in one.values()):
-            lists |= {f"{name}_{part}": value for part, value in one.items()}
+    for name, value in held.items():
+        if not isinstance(value, dict):
+            lists[name] = value
+        elif any(isinstance(part, list) for part in value.values()):
+            lists |= {f"{name}_{part}": column for part, column in value.items()}
         else:
-            comments += [[f"# {key}: {value}"] for key, value in one.items()]
+            comments += [[f"# {key}: {word}"] for key, word in value.items()]
     return [*comments, *_rows_of_lists(lists)]
 
 
