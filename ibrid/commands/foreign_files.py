@@ -30,6 +30,8 @@ OF_TABLES = (
 )
 OF_BOTH = ("unit", "base", "current", "q_axis", "power_node", "f0_hz", "decimal")
 SPAN = ("begin", "end")
+#: Options that say what records do not say, and no sweep takes.
+OF_RECORDS = (*SPAN, "ratio")
 #: What is said of a column that was read.
 _READING = ("what", "column", "unit")
 
@@ -58,7 +60,9 @@ def files_named(words: Sequence[str]) -> list[str]:
 def says_anything(arguments: Namespace) -> bool:
     """Whether an option says what a file does not."""
     said = [
-        getattr(arguments, name, None) for name in (*OF_BOTH, *OF_TABLES) if name != "sampling_hz"
+        getattr(arguments, name, None)
+        for name in (*OF_BOTH, *OF_TABLES, "ratio")
+        if name != "sampling_hz"
     ]
     return bool(arguments.map or arguments.grid) or any(value not in (None, []) for value in said)
 
@@ -74,6 +78,7 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     Raises IbridError for options that say nothing of records, and for records of different nominal
     frequency or estimator, of which an events file says one.
     """
+    from ibrid.measurement.importing.unsaid import UnsaidError
     from ibrid.measurement.read_events import READ_AS, read_events
 
     unfit = [
@@ -81,14 +86,17 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     ]
     unfit += ["grid"] * (arguments.grid is not None)
     if unfit or arguments.map:
-        options = [*OF_BOTH, "from", "to"]
+        options = [*OF_BOTH, "ratio", "from", "to"]
         raise IbridError(
             f"--{(unfit or ['map'])[0].replace('_', '-')} says nothing of records in time; "
             "--channels, --"
             f"{', --'.join(options).replace('_', '-')} do"
         )
-    keys = {name: getattr(arguments, name) for name in (*OF_BOTH, *SPAN)}
-    read = [read_events(file, channels=arguments.channels, **keys) for file in files]
+    keys = {name: getattr(arguments, name) for name in (*OF_BOTH, *OF_RECORDS)}
+    try:
+        read = [read_events(file, channels=arguments.channels, **keys) for file in files]
+    except UnsaidError as unsaid:
+        raise IbridError(unsaid.options) from None
     if len({events.f0_hz for events in read}) > 1:
         raise IbridError(
             "records in one file must have one nominal frequency; import them one by one"
@@ -120,8 +128,8 @@ def sweep_in(files: Sequence[str], arguments: Namespace, *, inspecting: bool = F
     from ibrid.measurement.sweeps.amplitudes import merge
 
     said = {name: getattr(arguments, name) for name in (*OF_BOTH, *OF_TABLES)}
-    if span := [name for name in SPAN if getattr(arguments, name) is not None]:
-        option = {"begin": "--from", "end": "--to"}[span[0]]
+    if of_records := [name for name in OF_RECORDS if getattr(arguments, name) is not None]:
+        option = {"begin": "--from", "end": "--to", "ratio": "--ratio"}[of_records[0]]
         raise IbridError(
             f"{option} says something of records in time, and {files[0]} holds none; leave it out"
         )

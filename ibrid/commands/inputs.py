@@ -177,10 +177,19 @@ def events(text: str, said: Mapping[str, Any] | None = None) -> "Events":
 
 
 def read_events_at(text: str, said: Mapping[str, Any]) -> "Events":
-    """The records in a file, nothing said of them."""
+    """The records in a file, nothing said of them; SweepError says where what it leaves out can be
+    said.
+    """
     from ibrid.arguments.coercion import as_events
+    from ibrid.measurement.importing.unsaid import UnsaidError
 
-    return as_events(text, **said)
+    try:
+        return as_events(text, **said)
+    except UnsaidError as reason:
+        raise SweepError(
+            f"{reason.options} These are options of ibrid import {text} --out events.csv, which "
+            f"writes an events file; or lines of {text}.meta, such as ratio: 1"
+        ) from None
 
 
 def require_no_events_options(arguments: Namespace) -> None:

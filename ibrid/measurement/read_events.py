@@ -14,6 +14,7 @@ from ibrid.measurement.formats.bundle import beside, suffix_of
 from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_event_csv
 from ibrid.measurement.formats.files import head_lines, read_lines
 from ibrid.measurement.formats.response import sidecar_keys
+from ibrid.measurement.importing.doubts.transformer_ratio import Ratios, ratios_said
 from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
 from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.importing.shapes.signed_names import without_signs
@@ -32,6 +33,10 @@ from ibrid.measurement.recordings.events import Events
 
 #: How a note begins that says which column was read as what.
 READ_AS = "read as - "
+#: What can be said about records, beside their channels.
+SAYABLE = (*KEYS, *SPAN, "decimal", "base", "ratio")
+#: What only tables of others are told, in lines of their `.meta` too.
+_OF_TABLES = ("channels", "ratio")
 #: Endings of files of which only the names of their columns say whether they hold records or a
 #: sweep.
 WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods", ".parquet", ".mat", ".h5", ".hdf5", ".npz", ".json")
@@ -53,8 +58,9 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     (out | in), q_axis, window,
         power_node, solver (continuous | trapezoidal), s_base_va, v_base_v or base ("10kVA,400V";
         then a table that says nothing of itself is in SI), begin and end (s, the part to keep),
-        decimal (point | comma, of numbers such as 1.234). They win over the file, and lines
-        `key: value` of `<path>.meta` do too.
+        decimal (point | comma, of numbers such as 1.234), ratio ("v=63000/100,i=1000/5", by which
+        values of the secondary side of transformers are multiplied, or 1 for those of the primary).
+        They win over the file, and lines `key: value` of `<path>.meta` do too.
 
     Raises SweepError: one sentence with file and line, or record.
     """
@@ -62,28 +68,33 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
     if "base" in keys:
         keys["s_base_va"], keys["v_base_v"] = base_of(str(keys["base"]), "base")
     for key in keys:
-        if key not in (*KEYS, *SPAN, "decimal", "base"):
+        if key not in SAYABLE:
             raise SweepError(
-                f"{key} is not something to say about events; "
-                f"{near(key, (*KEYS, *SPAN, 'decimal', 'base', 'channels'))}"
+                f"{key} is not something to say about events; {near(key, (*SAYABLE, 'channels'))}"
             )
     form, keys = number_format(keys), without_format(keys)
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)
-    said_beside, notes = sidecar_keys(_configuration_of(path), (*KEYS, "channels"), CHOICES)
+    said_beside, notes = sidecar_keys(_configuration_of(path), (*KEYS, *_OF_TABLES), CHOICES)
     told: dict[str, object] = {**said_beside, **keys}
     beside_channels = told.pop("channels", None)
     channels = channels or (None if beside_channels is None else str(beside_channels))
+    ratios = ratios_said(told.pop("ratio", None))
     suffix = suffix_of(path)
     if suffix in SUFFIXES:
-        samples, frequency = read_comtrade(path, channels)
+        samples, frequency = read_comtrade(path, channels, ratios)
         said = {"unit": "si", **({"f0_hz": frequency} if frequency else {}), **told, "frame": "abc"}
         header = {**values_of(said, str(path), CHOICES), **span_of(told)}
         return events_of([samples], header, str(path), notes)
     if suffix in TEXTS and channels is None and _is_own(path):
+        if ratios is not None:
+            raise SweepError(
+                f"{path} is an events file, whose values are those of the primary side; leave "
+                "--ratio out."
+            )
         return parse_event_csv(read_lines(path), str(path), told)
-    return _of_tables(recording_tables(path, form), channels, told, str(path))
+    return _of_tables(recording_tables(path, form), channels, told, str(path), ratios)
 
 
 def _is_own(path: Path) -> bool:
@@ -160,11 +171,17 @@ def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
     table = replace(
         frame_table(frame), comments=tuple((0, f"{key}: {value}") for key, value in said.items())
     )
-    return _of_tables([table], channels, keys, "DataFrame")
+    ratios = ratios_said(keys.get("ratio"))
+    said_of_frame = {key: value for key, value in keys.items() if key != "ratio"}
+    return _of_tables([table], channels, said_of_frame, "DataFrame", ratios)
 
 
 def _of_tables(
-    tables: list[ForeignTable], channels: Any, told: Mapping[str, object], where: str
+    tables: list[ForeignTable],
+    channels: Any,
+    told: Mapping[str, object],
+    where: str,
+    ratios: Ratios | None,
 ) -> Events:
     """Each table one record, or several where a column names them; a base implies SI where they say
     nothing of themselves.
@@ -180,7 +197,10 @@ def _of_tables(
     supposed = "si" if "base" in told and not stated else ""
     said = channels_told(channels)
     tables = [with_derived_columns(table, said) for table in tables]
-    recordings = [recording_of(table, _family(table, said), header, supposed) for table in tables]
+    recordings = [
+        recording_of(table, _family(table, said), header, supposed, ratios, comments.transformers)
+        for table in tables
+    ]
     if len({one.frame for one in recordings}) > 1 or len({one.unit for one in recordings}) > 1:
         raise SweepError(f"{where}: the tables must all be dq or all be phases, in one unit.")
     first = recordings[0]

@@ -319,6 +319,21 @@ def test_a_ratio_of_zeros_leaves_the_values_and_is_said(tmp_path: Path):
 
 
 @pytest.mark.usefixtures("in_process")
+def test_a_ratio_is_said_where_the_configuration_has_none(tmp_path: Path):
+    """Of secondary channels without a ratio; what the configuration says of others stays."""
+    ratio = np.repeat([20e3 / 100, 100.0], 3)
+    factors = np.repeat([PEAK_V, PEAK_I], 3) * STEP / ratio
+    values = samples("BINARY", phases(TIME) / STEP)
+    path = store(tmp_path, configuration("BINARY", side=",0,0,S", factors=factors), values)
+    record = read_events(path, ratio="v=20000/100,i=100", **BASES)["dip"]
+    assert_is_the_dip(record)
+    assert "times 200, as said" in record.remarks[0]
+    path = store(tmp_path, configuration("BINARY"), values)
+    with pytest.raises(SweepError, match="leave --ratio out"):
+        read_events(path, ratio="v=20000/100,i=100", **BASES)
+
+
+@pytest.mark.usefixtures("in_process")
 @pytest.mark.parametrize(
     ("volts", "amperes"), [("Volts", "Amps"), ("VOLT", "AMPERES"), ("volts", "amp")]
 )

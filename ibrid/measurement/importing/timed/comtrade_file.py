@@ -13,6 +13,7 @@ from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.binary.foreign_binary import comtrade_arrays
 from ibrid.measurement.importing.column_words import unit_of
+from ibrid.measurement.importing.doubts.transformer_ratio import Ratios
 from ibrid.measurement.recordings.channels import (
     BETWEEN,
     PHASES,
@@ -38,12 +39,15 @@ LONGEST, SHORTEST, LARGEST, SKEWED = 1e9, 1e-6, 1e9, 0.1
 JUMP = 5.0
 
 
-def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, float | None]:
+def read_comtrade(
+    path: Path, channels: ToldChannels = None, ratios: Ratios | None = None
+) -> tuple[Samples, float | None]:
     """The record of a COMTRADE file, and its nominal frequency if it says one.
 
     channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6`, numbers or names, where names and units do not show
     them; vab, vbc, vca for
         voltages between the phases.
+    ratios : of secondary channels for which the configuration has none.
 
     Values are primary ones: those of channels that are secondary are multiplied by the ratio of the
     transformer. A channel that was sampled later than the record's time says (skew) is brought to
@@ -64,6 +68,7 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
     roles = (*(BETWEEN if between else PHASES[:3]), *PHASES[3:])
     time = arrays["time"]
     _require_sizes(arrays, known, [place[role] for role in roles], where)
+    _require_ratios(arrays["ratio"][[place[role] for role in roles]], ratios, where)
     if (np.diff(time) <= 0).any():
         raise SweepError(
             f"{where}: the times of the samples must increase; sample "
@@ -101,7 +106,10 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
         if arrays["skew"][k]:
             value = CubicSpline(time + arrays["skew"][k], value)(time)
         ratio = float(arrays["ratio"][k])
-        if np.isnan(ratio):
+        if np.isnan(ratio) and ratios is not None:
+            ratio = ratios.of(role)
+            remarks.append(f"channel {known[k].name} is secondary: taken times {ratio:g}, as said")
+        elif np.isnan(ratio):
             remarks.append(
                 f"channel {known[k].name} is secondary without a ratio: taken as it stands"
             )
@@ -117,6 +125,14 @@ def read_comtrade(path: Path, channels: ToldChannels = None) -> tuple[Samples, f
     return Samples(stem, time, v, values[3:], None, tuple(remarks)), float(
         arrays["frequency"]
     ) or None
+
+
+def _require_ratios(stated: np.ndarray, said: Ratios | None, where: str) -> None:
+    if said is not None and np.isfinite(stated).all():
+        raise SweepError(
+            f"{where}: the configuration says which channels are primary and the ratio of the "
+            "others, which are multiplied by it; leave --ratio out."
+        )
 
 
 def _require_sizes(

@@ -25,10 +25,14 @@ _CURRENTS = (("ip", "iq"), ("id", "iq"), ("ip_mag", "iq_mag"))
 
 @dataclass(frozen=True)
 class Column:
-    """A column that is taken: its `place` from 0, and what it is."""
+    """A column that is taken: its `place` from 0, and what it is.
+
+    `scaled` : whether `--channels` says how much one of its numbers is, `[0.1 A]`.
+    """
 
     place: int
     signal: ColumnSignal
+    scaled: bool = False
 
 
 @dataclass(frozen=True)
@@ -44,6 +48,11 @@ class SignalFamily:
     kind: str
     columns: Mapping[str, Column]
     remarks: tuple[str, ...] = ()
+
+    @property
+    def scaled(self) -> frozenset[str]:
+        """ "v" and "i", where `--channels` says how much the numbers of one such column are."""
+        return frozenset(role[0] for role, column in self.columns.items() if column.scaled)
 
 
 def signals_of(names: Sequence[str]) -> list[ColumnSignal]:

@@ -6,7 +6,11 @@ import re
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
-from ibrid.measurement.importing.doubts.transformer_ratio import transformer_doubts
+from ibrid.measurement.importing.doubts.transformer_ratio import (
+    TransformerDoubt,
+    primary_said,
+    transformer_doubts,
+)
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.told import doubts_beside, told_beside
 
@@ -20,11 +24,13 @@ _ONE_NUMBER = re.compile(r"[^:=]+[:=]\s*[-+.,\deE]+?\s*[A-Za-zµ]+\s*")
 class RecordingComments:
     """keys : header keys that words say (VA, V, Hz). lines : with their numbers, those that
     are keys and notes as they stand. remarks : what was read so, and what is doubted.
+    transformers : what is told of instrument transformers.
     """
 
     keys: dict[str, object]
     lines: list[tuple[int, str]]
     remarks: tuple[str, ...]
+    transformers: tuple[TransformerDoubt, ...]
 
 
 def read_comments(tables: Sequence[ForeignTable]) -> RecordingComments:
@@ -44,7 +50,11 @@ def read_comments(tables: Sequence[ForeignTable]) -> RecordingComments:
             remarks.append(f"{key} = {value:g}, from {name} in {unit}")
     plain = [line for line in comments if not _is_one_of(line[1], keys)]
     doubts = [doubt for doubt in doubts_beside("", texts) if not re.match(r"[PQV]\b", doubt)]
-    return RecordingComments(keys, plain, (*remarks, *doubts, *transformer_doubts(texts)))
+    transformers = transformer_doubts(texts)
+    primary = primary_said(texts)
+    if primary and not transformers:
+        remarks.append(f"values of the primary side: {primary.strip()[:80]!r}")
+    return RecordingComments(keys, plain, (*remarks, *doubts), transformers)
 
 
 def _is_one_of(comment: str, keys: Container[str]) -> bool:

@@ -11,6 +11,11 @@ import numpy as np
 from ibrid.errors import SweepError, some
 from ibrid.measurement.formats.event_csv import why_not_increasing
 from ibrid.measurement.formats.grouping import rows_of_each
+from ibrid.measurement.importing.doubts.transformer_ratio import (
+    Ratios,
+    TransformerDoubt,
+    ratio_question,
+)
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.numbers.percent import as_shown
 from ibrid.measurement.importing.timed.clock_times import times_of
@@ -18,6 +23,7 @@ from ibrid.measurement.importing.timed.families import Column, SignalFamily
 from ibrid.measurement.importing.timed.phasors import Phasors, phasors_of
 from ibrid.measurement.importing.timed.set_points import set_point_columns, set_points_of
 from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
+from ibrid.measurement.importing.unsaid import UnsaidError
 from ibrid.measurement.recordings.event_samples import Samples
 
 #: What a column in % measures, and its size.
@@ -44,12 +50,19 @@ class Recording:
 
 
 def recording_of(
-    table: ForeignTable, family: SignalFamily, header: Mapping[str, Any], supposed_unit: str = ""
+    table: ForeignTable,
+    family: SignalFamily,
+    header: Mapping[str, Any],
+    supposed_unit: str = "",
+    ratios: Ratios | None = None,
+    transformers: Sequence[TransformerDoubt] = (),
 ) -> Recording:
     """The records of a table whose columns are known.
 
     header : what is said of the recording beside the columns: unit, f0_hz, s_base_va, v_base_v.
     supposed_unit : "si" or "pu" where nothing says it; of phasors and powers their size tells.
+    ratios : what is said of transformers. transformers : what comments tell of them, which is asked
+    for where nothing is said.
 
     Raises SweepError: cells that are no numbers, times that do not increase, units that do not fit
     together, a base that is needed and not said.
@@ -86,6 +99,12 @@ def recording_of(
         unit = "si" if np.nanmedian(np.abs(size)) > _LARGEST_PU else "pu"
     unit = unit or supposed_unit
     _require_base(table, unit, header)
+    if ratios is not None:
+        _require_si(table, unit, ratios)
+        values = {role: value * ratios.of(role) for role, value in values.items()}
+        remarks = (*remarks, ratios.words)
+    elif unit == "si" and (asked := ratio_question(transformers, family.scaled)):
+        raise UnsaidError(f"{table.where} does not say {asked}.")
     f0_hz = _nominal(values.get("f"))
     whole = np.all([np.isfinite(one) for one in (time, *values.values())], axis=0)
     time, values, remarks = _whole_rows(table, names, family, whole, time, values, remarks)
@@ -199,6 +218,14 @@ def _require_base(table: ForeignTable, unit: str, header: Mapping[str, Any]) -> 
             f"{table.where} does not say the inverter's base, which voltages and currents in V and "
             "A need: add --base S_VA,V_LL "
             "(such as 10kVA,400V)."
+        )
+
+
+def _require_si(table: ForeignTable, unit: str, ratios: Ratios) -> None:
+    if unit != "si" and ratios != Ratios():
+        raise SweepError(
+            f"{table.where}: --ratio multiplies voltages in V and currents in A, and these are per "
+            "unit; leave it out, or say their unit: --unit si."
         )
 
 
