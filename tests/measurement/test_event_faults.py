@@ -75,7 +75,7 @@ FAULTS = {
     "kV": (changed(v=lambda v: v / 1e3), "kV in place of V?"),
     "kA": (changed(i=lambda i: i / 1e3), "kA in place of A"),
     "A": (changed(i=lambda i: 1e3 * i), "A in place of kA"),
-    "current in": (changed(i=lambda i: -i), "write current: in"),
+    "current in": (changed(i=lambda i: -i), "import it with --current in"),
 }
 
 

@@ -157,7 +157,11 @@ CONTRADICTIONS = {
     "kiloamperes": (record(DIP, 0.001), "never above 0.001 per unit, kA in place of A"),
     "current in": (
         record(DIP, -0.8),
-        "p at rest is -0.8, .*write current: in .*the sign is a hint",
+        "p at rest is -0.8, .*--current in, .* current: in into .*the sign is a hint",
+    ),
+    "cut before the event": (
+        record(DIP[TIME < 0.09], time=TIME[TIME < 0.09]),
+        "nothing happens in it, .* from 0 to 0.0899 s; was it cut before the event",
     ),
     "negative sequence": (
         record(DIP + 0.05 * np.exp(-4j * np.pi * F0 * TIME)),

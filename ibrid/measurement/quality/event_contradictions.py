@@ -73,13 +73,27 @@ def _of(record: EventRecord, f0_hz: float, base_va: float | None) -> Iterator[st
     )
     yield from _sizes(record, base_va)
     yield from _unbalance(record)
-    yield from _gaps(record, f0_hz)
+    gaps = tuple(_gaps(record, f0_hz))
+    yield from gaps
     yield from _phases_of_the_current(record, f0_hz)
+    if not gaps:
+        yield from _nothing_happens(record)
     if record.rest.p < -0.02:
         yield (
             f"{record.name}: p at rest is {record.rest.p:.3g}, the inverter takes power in; if it "
             "feeds the grid, its current "
-            "counts into it: write current: in (the sign is a hint, a storage may charge)."
+            "counts into it: import it with --current in, or write a line current: in into the file "
+            "(the sign is a hint, a storage may charge)."
+        )
+
+
+def _nothing_happens(record: EventRecord) -> Iterator[str]:
+    """Whether the rest lasts to the end; a set point that moves ends it too."""
+    if record.rest_end >= record.time[-1] and not record.steps_told:
+        yield (
+            f"{record.name}: nothing happens in it, voltage and current stay at rest from "
+            f"{record.time[0]:.4g} to {record.time[-1]:.4g} s; was it cut before the event? A model "
+            "is judged by its answer to one."
         )
 
 
