@@ -82,8 +82,8 @@ def _of(record: EventRecord, f0_hz: float, base_va: float | None) -> Iterator[st
         yield (
             f"{record.name}: p at rest is {record.rest.p:.3g}, the inverter takes power in; if it "
             "feeds the grid, its current "
-            "counts into it: import it with --current in, or write a line current: in into the file "
-            "(the sign is a hint, a storage may charge)."
+            "counts into it: import it with --current in, or write a line current: in into the "
+            "file (the sign is a hint, a storage may charge)."
         )
 
 
@@ -92,8 +92,8 @@ def _nothing_happens(record: EventRecord) -> Iterator[str]:
     if record.rest_end >= record.time[-1] and not record.steps_told:
         yield (
             f"{record.name}: nothing happens in it, voltage and current stay at rest from "
-            f"{record.time[0]:.4g} to {record.time[-1]:.4g} s; was it cut before the event? A model "
-            "is judged by its answer to one."
+            f"{record.time[0]:.4g} to {record.time[-1]:.4g} s; was it cut before the event? A "
+            "model is judged by its answer to one."
         )
 
 
