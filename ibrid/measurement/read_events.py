@@ -20,7 +20,10 @@ from ibrid.measurement.importing.numbers.number_format import number_format, wit
 from ibrid.measurement.importing.shapes.signed_names import without_signs
 from ibrid.measurement.importing.timed.clock_times import with_date_and_time
 from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
-from ibrid.measurement.importing.timed.derived_columns import with_derived_columns
+from ibrid.measurement.importing.timed.derived_columns import (
+    complete_a_recording,
+    with_derived_columns,
+)
 from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
 from ibrid.measurement.importing.timed.recording_comments import read_comments
@@ -145,7 +148,10 @@ def _has_channels(names: Sequence[str]) -> bool:
         family = family_of(names, {}, "")
     except SweepError:  # several columns can be one
         return any(signal.quantity == "t" for signal in signals_of(names))
-    return family is not None and "t" in family.columns
+    if family is not None:
+        return "t" in family.columns
+    roles = {signal.role for signal in signals_of(names)}
+    return "t" in roles and complete_a_recording(roles)
 
 
 def _configuration_of(path: Path) -> Path:

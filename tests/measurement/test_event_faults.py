@@ -43,7 +43,7 @@ def changed(v: Callable = lambda v: v, i: Callable = lambda i: i) -> Recorded:
 
 FAULTS = {
     "nothing": (recorded(), ""),
-    "no rest": (cut(TIME > 0.09), "found a start-up or another change first"),
+    "no rest": (cut(TIME > 0.09), "where its operating point is read"),
     "another frequency": (recorded(50.0), "must turn at about f0_hz = 60; found 50.00 Hz"),
     "phases swapped": (
         changed(lambda v: v[[0, 2, 1]], lambda i: i[[0, 2, 1]]),

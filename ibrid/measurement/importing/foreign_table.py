@@ -69,7 +69,7 @@ class ForeignTable:
     : columns that an array has by number alone. decimal : the decimal mark of all columns, "" where
     they differ. polar_angle : the largest angle of polar cells that say no unit where nobody does,
     as it is written; else 0. percent : columns that a workbook shows in percent throughout, whose
-    names do not say %.
+    names do not say %. made_of : columns of which others behind them are made.
     """
 
     where: str
@@ -86,6 +86,7 @@ class ForeignTable:
     decimal: str = ""
     polar_angle: float = 0.0
     percent: frozenset[str] = frozenset()
+    made_of: frozenset[str] = frozenset()
 
     def place(self, row: int, name: str) -> str:
         """Where the number of a row and a column stands, for sentences."""

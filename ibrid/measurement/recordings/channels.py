@@ -12,7 +12,9 @@ from ibrid.errors import SweepError, near
 PHASES = ("va", "vb", "vc", "ia", "ib", "ic")
 BETWEEN = ("vab", "vbc", "vca")
 DQ = ("vd", "vq", "id", "iq")
-ROLES = (*PHASES, *BETWEEN, *DQ, "v", "p", "q", "ip", "f", "t", "record", "sigma")
+#: Voltages between the phases that are counted the other way, as of two wattmeters.
+REVERSED = ("vba", "vcb", "vac")
+ROLES = (*PHASES, *BETWEEN, *REVERSED, *DQ, "v", "p", "q", "ip", "f", "t", "record", "sigma")
 #: Magnitude and angle of phasors, of three phases, one, or the positive sequence.
 PHASORS = tuple(
     f"{quantity}{phase}_{part}"

@@ -4,11 +4,12 @@ the voltage behind three rms values.
 Laws: i_a + i_b + i_c = 0 without a neutral wire; v_ab + v_bc + v_ca = 0 always.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from dataclasses import replace
 
 import numpy as np
 
+from ibrid.errors import some
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.timed.families import Column, columns_taken
 
@@ -16,6 +17,14 @@ _CURRENTS, _LINES = ("ia", "ib", "ic"), ("vab", "vbc", "vca")
 #: Line voltages counted the other way, and what they are the negative of.
 _REVERSED = {"vba": "vab", "vcb": "vbc", "vac": "vca"}
 _UNITS = {"voltage": " [V]", "current": " [A]", "per unit": " [pu]"}
+
+
+def complete_a_recording(roles: Set[str]) -> bool:
+    """Whether columns of these roles are a recording with those that can be derived of them."""
+    lines = {_REVERSED.get(role, role) for role in roles} & {*_LINES}
+    voltages = len(lines) >= 2 or {"va", "vb", "vc"} <= roles
+    currents = len(roles & {*_CURRENTS}) >= 2
+    return voltages and (currents or {"p", "q"} <= roles)
 
 
 def with_derived_columns(table: ForeignTable, told: Mapping[str, str]) -> ForeignTable:
@@ -37,24 +46,33 @@ def with_derived_columns(table: ForeignTable, told: Mapping[str, str]) -> Foreig
         for role, column in columns.items()
     }
     lines = _line_voltages(values)
-    derived: dict[str, np.ndarray] = {}
+    voltages: dict[str, np.ndarray] = {}
+    currents: dict[str, np.ndarray] = {}
     if len(lines) >= 2 and not {"va", "vb", "vc"} <= taken.keys():
         beside_powers = {"p", "q"} <= taken.keys() and not {"v", "v_mag"} & taken.keys()
         if beside_powers and not any(map(_changes_sign, lines.values())):
-            derived |= _rms_voltage(lines, columns)
+            voltages = _rms_voltage(lines, columns)
         elif not {"vab", "vbc"} <= taken.keys():
-            derived |= _two_lines(lines, columns)
+            voltages = _two_lines(lines, columns)
     present = [role for role in _CURRENTS if role in values]
     if len(present) == 2 and (len(lines) >= 2 or {"va", "vb", "vc"} <= taken.keys()):
         (lacking,) = set(_CURRENTS) - set(present)
         name = f"{lacking}{_unit_of(columns, present)}"
-        derived[name] = -values[present[0]] - values[present[1]]
+        currents = {name: -values[present[0]] - values[present[1]]}
+    sources = [*_LINES, *_REVERSED] if voltages else []
+    sources += present if currents else []
+    made_of = [names[columns[role].place] for role in sources if role in columns]
+    derived = {**voltages, **currents}
     derived = {name: value for name, value in derived.items() if name not in table.columns}
     if not derived:
         return table
-    remark = f"from other columns, for three wires: {', '.join(derived)}"
-    columns_of_table = {**table.columns, **derived}
-    return replace(table, columns=columns_of_table, remarks=(*table.remarks, remark))
+    remark = f"for three wires: {', '.join(derived)} from {some(made_of, 5)}"
+    return replace(
+        table,
+        columns={**table.columns, **derived},
+        remarks=(*table.remarks, remark),
+        made_of=frozenset(made_of),
+    )
 
 
 def _line_voltages(values: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

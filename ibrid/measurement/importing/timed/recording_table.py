@@ -112,6 +112,7 @@ def recording_of(
     nominal = float(header.get("f0_hz") or f0_hz or 60.0)
     set_points = set_points_of(table, unit, header, nominal, whole)
     used = {names[column.place] for column in family.columns.values()}
+    used |= table.made_of
     used |= {one.column for one in set_points.values()}
     if unused := [name for name in names if name not in used]:
         remarks = (*remarks, f"not used: {some(unused, 8)}")

@@ -190,6 +190,7 @@ def _patterns() -> tuple[re.Pattern[str], ...]:
             rf"(?:ph|phase|phaseseq)?(?:{phase})(?:{v_or_i})(?:{part})?",
             rf"(?:{part})(?:{v_or_i})(?:{phase})?",
             rf"(?:{phase})(?:{part})(?:{v_or_i})",
+            rf"(?:{v_or_i})(?P<ph_pos>p)(?:{part})",
         )
     )
 
