@@ -3,6 +3,8 @@ reader.
 """
 
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from csv import Error, reader
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -128,10 +130,19 @@ def is_events_file(path: Path) -> bool:
             _has_channels(cells)
             for row in rows
             for mark in (";", "\t", ",", "|", None)
-            if len(cells := row.split(mark)) > 3 and not _are_mostly_numbers(cells)
+            if len(cells := _parted(row, mark)) > 3 and not _are_mostly_numbers(cells)
         )
     except SweepError:
         return False
+
+
+def _parted(row: str, mark: str | None) -> list[str]:
+    """The cells of a row, of which those in quotes may hold the mark between them."""
+    if mark is None or '"' not in row:
+        return row.split(mark)
+    with suppress(Error):  # of a cell that is too long
+        return next(reader([row], delimiter=mark), [])
+    return row.split(mark)
 
 
 def _are_mostly_numbers(cells: Sequence[str]) -> bool:

@@ -5,11 +5,13 @@ phasor measurement units, times that only a sampling rate tells.
 from pathlib import Path
 
 import numpy as np
+import pytest
 from collecting import collecting
 from recording_makes import (
     BASE,
     F0,
     I_PEAK,
+    S_BASE,
     V_BASE,
     P,
     Q,
@@ -23,6 +25,7 @@ from recording_makes import (
 
 import ibrid
 from ibrid import cli
+from ibrid.measurement.importing.timed.signal_names import signal_of
 from ibrid.measurement.recordings.events import EventRecord
 
 BASES = {"base": "10MVA,20kV", "f0_hz": F0}
@@ -79,3 +82,43 @@ def test_phasors_of_a_measurement_unit_are_those_of_the_positive_sequence(tmp_pa
     options = ("--channels", "t=1,v_mag=2[V],v_ang=3[deg],i_mag=4[A],i_ang=5[deg],f=6")
     assert_is_the_law(imported(path))
     assert_is_the_law(imported(path, *options))
+
+
+def rms_columns() -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Times, voltage, p and q per unit, each ms."""
+    time = times(1000)
+    s = voltage(time) * np.conj(current(time))
+    return time, abs(voltage(time)), s.real, s.imag
+
+
+def test_voltage_per_unit_beside_powers_with_units_is_of_the_base(tmp_path, capsys):
+    """The names of PowerFactory in two languages, and the other way about."""
+    time, v, p, q = rms_columns()
+    mega = S_BASE / 1e6
+    german = "Zeitpunkt in s;Klemme: Spannung, Betrag in p.u.;WR: Wirkleistung in MW"
+    english = '"b:tnow in s","Voltage, Magnitude in p.u.","Active Power in MW"'
+    cases = {
+        "german": (f"{german};WR: Blindleistung in Mvar", ";", [v, p * mega, q * mega]),
+        "english": (f'{english},"Reactive Power in Mvar"', ",", [v, p * mega, q * mega]),
+        "kV beside per unit": ("t [s],U [kV],p [pu],q [pu]", ",", [v * V_BASE / 1e3, p, q]),
+    }
+    with collecting() as failures:
+        for name, (head, mark, columns) in cases.items():
+            with failures.case(name):
+                rows = text([], [time, *columns], mark, comma=mark == ";")
+                (path,) = written(tmp_path, "rms.csv", f"{head}\n{rows}")
+                assert_is_the_law(imported(path))
+                assert "on the base of 10 MVA and 20 kV" in capsys.readouterr().err
+                with pytest.raises(ibrid.IbridError, match="add --base S_VA,V_LL"):
+                    ibrid.read_events(path, f0_hz=F0)
+
+
+def test_an_object_before_the_name_of_a_variable_is_left_out():
+    read = {
+        "Klemme: Spannung, Betrag in p.u.": "v_mag",
+        "WR: Wirkleistung in MW": "p",
+        "Trace 1: Va (V)": "va",
+        "Bus 3: Strom L1 in kA": "ia",
+        "Scope: 12:30": "",
+    }
+    assert {name: signal_of(name).role for name in read} == read

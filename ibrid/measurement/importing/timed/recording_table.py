@@ -3,7 +3,7 @@ records that a column names.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,6 +25,7 @@ from ibrid.measurement.importing.timed.set_points import set_point_columns, set_
 from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
 from ibrid.measurement.importing.unsaid import UnsaidError
 from ibrid.measurement.recordings.event_samples import Samples
+from ibrid.measurement.sweeps.quantities import engineering
 
 #: What a column in % measures, and its size.
 _PERCENT = ("per unit", 0.01)
@@ -93,6 +94,9 @@ def recording_of(
     }
     time, remarks = times_of(table, names[family.columns["t"].place], family.columns["t"])
     remarks = (*table.remarks, *family.remarks, *remarks)
+    read_family = family
+    family, values, converted = _with_powers_as_voltage(table, family, values, header)
+    remarks = (*remarks, *converted)
     unit = _unit(table, family, names, header)
     if not unit and family.kind not in _INSTANTANEOUS:
         size = next(value for role, value in values.items() if role[0] == "v")
@@ -130,7 +134,8 @@ def recording_of(
         told = {role: one.values[rows] * sizes.get(role, 1.0) for role, one in set_points.items()}
         samples.append(Samples(str(name), time[rows], v, i, sigma, (*remarks, *more), told))
     readings = tuple(
-        (role, names[column.place], _shown(column, unit)) for role, column in family.columns.items()
+        (role, names[column.place], _shown(column, unit))
+        for role, column in read_family.columns.items()
     )
     readings += tuple((role, one.column, one.reading) for role, one in set_points.items())
     frame = _FRAMES.get(family.kind, "dq")
@@ -175,6 +180,48 @@ def _numbers(table: ForeignTable, name: str) -> np.ndarray:
             "correct or leave out the rows."
         )
     return values
+
+
+def _with_powers_as_voltage(
+    table: ForeignTable,
+    family: SignalFamily,
+    values: dict[str, np.ndarray],
+    header: Mapping[str, Any],
+) -> tuple[SignalFamily, dict[str, np.ndarray], tuple[str, ...]]:
+    """The recording with p and q per unit where the voltage is and they are in W, and in W where it
+    is in V and they are per unit; and a remark on it.
+
+    Raises SweepError where the base is not said.
+    """
+    columns = family.columns
+    powers = {columns[role].signal.dimension for role in "pq" if role in columns}
+    voltages = {
+        column.signal.dimension
+        for role, column in columns.items()
+        if role[0] == "v" and not role.endswith("_ang")
+    }
+    if (voltages, powers) not in (({"per unit"}, {"power"}), ({"voltage"}, {"per unit"})):
+        return family, values, ()
+    if not header.get("s_base_va") or not header.get("v_base_v"):
+        names = list(table.columns)
+        size = next(role for role in columns if role[0] == "v")
+        shown = [names[columns[role].place] for role in (size, "p")]
+        raise SweepError(
+            f"{table.where} does not say the inverter's base, which {shown[0]} beside {shown[1]} "
+            "needs: add --base S_VA,V_LL (such as 10kVA,400V)."
+        )
+    base = float(header["s_base_va"])
+    dimension, factor = ("per unit", 1 / base) if "power" in powers else ("power", base)
+    of_powers = {
+        role: replace(columns[role], signal=replace(columns[role].signal, dimension=dimension))
+        for role in "pq"
+    }
+    values = values | {role: values[role] * factor for role in "pq"}
+    words = (
+        "what is per unit beside columns with units is taken on the base of "
+        f"{engineering(base, 'VA')} and {engineering(float(header['v_base_v']), 'V')}"
+    )
+    return replace(family, columns={**columns, **of_powers}), values, (words,)
 
 
 def _unit(

@@ -47,6 +47,8 @@ _AT = "g|grid|pcc|poc|poi|out|[so](?=[dq])"
 #: How PowerFactory and EMTP begin the name of a variable: monitored, signal, bus, calculation,
 #: element.
 _PROGRAM = re.compile(r"^[msbner]:(?=[A-Za-z])")
+#: An object of the network before the name of its variable: `Terminal: Voltage, Magnitude`.
+_OF_OBJECT = re.compile(r".*?[^:\s]:\s+(\S[^:]*)")
 #: Units that stand behind a name without brackets.
 _BEHIND = re.compile(
     r"(.+?)(?:\s+in\s+|\s*/\s*|[_\s](?![VA]$))((?:k|K|M|m)?(?:V|A)|[kM]?W|[kM]?[vV][aA][rR]|[kM]?VA|p\.?u\.?|deg|rad|Hz|ms|us|sec|s|%)"
@@ -96,6 +98,8 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
     dimension, factor = size_of(written) or ("", 1.0)
     counted = counted_in(f"{written} {name}")
     quantity, axis, part = _meaning(bare, phase)
+    if not quantity and (said := _OF_OBJECT.fullmatch(bare)):
+        quantity, axis, part = _meaning(said[1], phase)
     if not quantity and counted and _meaning(_COUNTED_WORD.sub(" ", bare), phase) == ("v", "", ""):
         quantity, part = "v", "mag"
     if quantity == "v" and part == "ang" and dimension in ("voltage", "per unit"):
