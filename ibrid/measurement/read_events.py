@@ -16,7 +16,11 @@ from ibrid.measurement.formats.bundle import beside, suffix_of
 from ibrid.measurement.formats.event_csv import head_of, is_event_csv, parse_event_csv
 from ibrid.measurement.formats.files import head_lines, read_lines
 from ibrid.measurement.formats.response import sidecar_keys
-from ibrid.measurement.importing.doubts.transformer_ratio import Ratios, ratios_said
+from ibrid.measurement.importing.doubts.transformer_ratio import (
+    Ratios,
+    ratio_question,
+    ratios_said,
+)
 from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
 from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.importing.shapes.signed_names import without_signs
@@ -27,12 +31,21 @@ from ibrid.measurement.importing.timed.derived_columns import (
     with_derived_columns,
 )
 from ibrid.measurement.importing.timed.families import SignalFamily, family_of, signals_of
+from ibrid.measurement.importing.timed.probes import probe_question, with_currents_in_volts
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
-from ibrid.measurement.importing.timed.recording_comments import read_comments
+from ibrid.measurement.importing.timed.recording_comments import RecordingComments, read_comments
 from ibrid.measurement.importing.timed.recording_files import PSOUT, recording_tables
 from ibrid.measurement.importing.timed.recording_table import recording_of
 from ibrid.measurement.importing.told import base_of
-from ibrid.measurement.recordings.channels import DQ, Channel, ToldChannels, channels_told, chosen
+from ibrid.measurement.importing.unsaid import UnsaidError
+from ibrid.measurement.recordings.channels import (
+    DQ,
+    OTHER_FAMILIES,
+    Channel,
+    ToldChannels,
+    channels_told,
+    chosen,
+)
 from ibrid.measurement.recordings.event_samples import CHOICES, KEYS, SPAN, events_of, span_of
 from ibrid.measurement.recordings.events import Events
 
@@ -155,6 +168,7 @@ def _are_mostly_numbers(cells: Sequence[str]) -> bool:
 
 def _has_channels(names: Sequence[str]) -> bool:
     """Whether columns are called time, voltages and currents."""
+    names = with_currents_in_volts(names)
     try:
         family = family_of(names, {}, "")
     except SweepError:  # several columns can be one
@@ -215,7 +229,14 @@ def _of_tables(
     said = channels_told(channels)
     tables = [with_derived_columns(table, said) for table in tables]
     recordings = [
-        recording_of(table, _family(table, said), header, supposed, ratios, comments.transformers)
+        recording_of(
+            table,
+            _family(table, said, comments, ratios),
+            header,
+            supposed,
+            ratios,
+            comments.transformers,
+        )
         for table in tables
     ]
     if len({one.frame for one in recordings}) > 1 or len({one.unit for one in recordings}) > 1:
@@ -233,10 +254,20 @@ def _of_tables(
     return events_of(samples, {**header, **known, "frame": first.frame}, where, notes)
 
 
-def _family(table: ForeignTable, said: Mapping[str, str]) -> SignalFamily:
-    """The columns that are taken; SweepError that lists them where they make no recording."""
+def _family(
+    table: ForeignTable,
+    said: Mapping[str, str],
+    comments: RecordingComments,
+    ratios: Ratios | None,
+) -> SignalFamily:
+    """The columns that are taken; SweepError that lists them where they make no recording, and says
+    what must be told of currents in V.
+    """
     names = list(table.columns)
     family = family_of(names, said, table.where)
+    if family is None and (probes := probe_question(names, said, comments.probes)):
+        sides = "" if ratios else ratio_question(comments.transformers, "i")
+        raise UnsaidError(f"{table.where} does not say {'; '.join(filter(None, (probes, sides)))}.")
     if family is None:
         own = {
             signal.role: name
@@ -244,7 +275,7 @@ def _family(table: ForeignTable, said: Mapping[str, str]) -> SignalFamily:
             if signal.role in DQ
         }
         chosen(
-            [Channel(name) for name in names], {**own, **said}, table.where
+            [Channel(name) for name in names], {**own, **said}, table.where, OTHER_FAMILIES
         )  # which says what lacks
         raise SweepError(
             f"{table.where} must hold voltages and currents in time; say which columns: --channels "

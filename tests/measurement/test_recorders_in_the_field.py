@@ -25,6 +25,7 @@ from recording_makes import (
 
 import ibrid
 from ibrid import cli
+from ibrid.measurement.importing.timed.probes import volts_per_ampere
 from ibrid.measurement.importing.timed.signal_names import signal_of
 from ibrid.measurement.recordings.events import EventRecord
 
@@ -122,3 +123,69 @@ def test_an_object_before_the_name_of_a_variable_is_left_out():
         "Scope: 12:30": "",
     }
     assert {name: signal_of(name).role for name in read} == read
+
+
+def probed(folder: Path, *comments: str) -> Path:
+    """Currents in mV of a probe of 4 mV/A, voltages behind a divider of 1:200."""
+    names = ["Time (s)", "Va (V)", "Vb (V)", "Vc (V)", "Ia (mV)", "Ib (mV)", "Ic (mV)"]
+    columns = [TIME, *(VALUES[:3] / 200), *(VALUES[3:] * 4)]
+    return written(folder, "probes.csv", text(names, columns, above=comments))[0]
+
+
+def test_probes_are_asked_for_once_and_one_answer_is_enough(tmp_path, capsys):
+    path = probed(tmp_path, "Probe current: 4 mV/A", "Probe voltage: 1:200")
+    out = ["--out", str(tmp_path / "events.out.csv")]
+    assert cli.main(["import", str(path), *BASE, *out]) == 2
+    asked = capsys.readouterr().err
+    channels = "ia=5[0.25A],ib=6[0.25A],ic=7[0.25A]"
+    assert f"add --channels {channels} (of 4 mV/A)" in asked
+    assert "--ratio v=200 if on the secondary side" in asked
+    assert_is_the_law(imported(path, "--ratio", "v=200", "--channels", channels))
+    voltages = "va=2[200 V],vb=Vb[200V],vc=#4[2e2 V]"
+    assert_is_the_law(imported(path, "--channels", f"{voltages},{channels}"))
+
+
+def test_probes_of_which_nothing_is_told_are_asked_for_by_an_example(tmp_path):
+    path = probed(tmp_path)
+    with pytest.raises(ibrid.IbridError, match=r"ia=5\[0\.1A\],.* \(of 10 mV/A\)"):
+        ibrid.read_events(path, **BASES)
+    with pytest.raises(ibrid.IbridError, match=r"how many A one of its numbers is"):
+        ibrid.read_events(path, channels="ia=5,ib=6,ic=7", **BASES)
+
+
+def test_what_probes_give_for_an_ampere_is_read_in_several_ways():
+    told = {
+        "Probe: 10 mV/A": (0.01,),
+        "shunt 0,05 V/A": (0.05,),
+        "transducer 100 A/V": (0.01,),
+        "2 V/kA": (0.002,),
+        "10 mV/A and 100 mV/A": (0.01, 0.1),
+        "1000 V / 5 A": (),
+        "0 A/V": (),
+    }
+    assert {words: volts_per_ampere([words]) for words in told} == told
+
+
+def test_channels_are_named_without_their_unit_and_numbered_with_a_sign(tmp_path):
+    """A name of which two columns begin so is none; a column of the name itself is preferred."""
+    names = ["Time", "U1-1[V]", "U1-2[V]", "U1-3[V]", "U2-1[A]", "U2-2[A]", "U2-3[A]"]
+    (path,) = written(tmp_path, "daq.csv", text(names, [TIME, *VALUES]))
+    for channels in (
+        "va=U1-1,vb=U1-2,vc=U1-3,ia=U2-1,ib=U2-2,ic=U2-3",
+        "va=#2,vb=#3,vc=#4,ia=#5,ib=#6,ic=#7",
+        "va=#2[V],vb=3[V],vc=U1-3[V],ia=U2-1[A],ib=#6,ic=7",
+    ):
+        assert_is_the_law(ibrid.read_events(path, channels=channels, **BASES).records[0])
+    with pytest.raises(ibrid.IbridError, match="there is no channel '#8' for va"):
+        ibrid.read_events(path, channels="va=#8", **BASES)
+    twice = [name.replace("U1-2[V]", "U1-1[kV]") for name in names]
+    (path,) = written(tmp_path, "twice.csv", text(twice, [TIME, *VALUES]))
+    with pytest.raises(ibrid.IbridError, match="there is no channel 'U1-1' for va"):
+        ibrid.read_events(path, channels="va=U1-1", **BASES)
+
+
+def test_a_table_of_unknown_columns_says_what_may_be_told_of_them(tmp_path):
+    columns = {"t [s]": TIME, "x": VA, "y": VB}
+    (path,) = written(tmp_path, "xyz.csv", text(list(columns), list(columns.values())))
+    with pytest.raises(ibrid.IbridError, match=r"or vab=,vbc=,ia=,ic= of three wires .*v_mag="):
+        ibrid.read_events(path, **BASES)

@@ -22,6 +22,11 @@ PHASORS = tuple(
     for phase in ("a", "b", "c", "")
     for part in ("mag", "ang")
 )
+#: What tables may hold in place of three phases, for sentences.
+OTHER_FAMILIES = (
+    ", or vab=,vbc=,ia=,ic= of three wires (vcb and the like counted the other way), "
+    "vd=,vq=,id=,iq=, v_mag=,v_ang=,i_mag=,i_ang= or v=,p=,q="
+)
 _LETTERS = {"a": "a|l1|r|1", "b": "b|l2|s|y|2", "c": "c|l3|t|w|3"}
 _QUANTITY = {"v": r"v|u|volt(age)?|spannung", "i": r"i|amp(ere)?s?|curr(ent)?|strom"}
 
@@ -61,23 +66,23 @@ def channels_told(text: ToldChannels) -> dict[str, str]:
     return named
 
 
-def chosen(channels: Sequence[Channel], told: Mapping[str, str], where: str) -> dict[str, int]:
+def chosen(
+    channels: Sequence[Channel], told: Mapping[str, str], where: str, others: str = ""
+) -> dict[str, int]:
     """Role -> place of its channel: as told, by number from 1 or by name; the others where one
-    channel alone fits.
+    channel alone fits. others : what may be told in place of phases, for sentences.
 
     Raises SweepError that lists the channels where a role has none or several.
     """
     names = [channel.name for channel in channels]
     placed: dict[str, int] = {}
     for role, name in told.items():
-        places = [k for k, one in enumerate(names) if one == name]
-        if not places and name.isdigit() and 0 < int(name) <= len(names):
-            places = [int(name) - 1]
-        if not places:
+        place = names.index(name) if name in names else place_by_number(name, len(names))
+        if place is None:
             raise SweepError(
                 f"{where}: there is no channel {name[:40]!r} for {role}; {_listed(names)}"
             )
-        placed[role] = places[0]
+        placed[role] = place
     if any(set(family) <= set(placed) for family in (DQ, (*BETWEEN, *PHASES[3:]))):
         return placed
     for role in PHASES:
@@ -92,10 +97,16 @@ def chosen(channels: Sequence[Channel], told: Mapping[str, str], where: str) -> 
             raise SweepError(
                 f"{where} must have one channel for {role}; found {len(fitting) or 'none'} that "
                 "its name and unit show, "
-                f"tell them: --channels va=1,vb=2,vc=3,ia=4,ib=5,ic=6; {_listed(names)}"
+                f"tell them: --channels va=1,vb=2,vc=3,ia=4,ib=5,ic=6{others}; {_listed(names)}"
             )
         placed[role] = fitting[0]
     return placed
+
+
+def place_by_number(text: str, count: int) -> int | None:
+    """The place from 0 of the channel `3` or `#3` of so many; None for anything else."""
+    digits = text.removeprefix("#")
+    return int(digits) - 1 if digits.isdigit() and 0 < int(digits) <= count else None
 
 
 def require_one_role_each(placed: Mapping[str, int], names: Sequence[str], where: str) -> None:

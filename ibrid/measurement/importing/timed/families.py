@@ -2,6 +2,7 @@
 powers or currents.
 """
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,10 +14,12 @@ from ibrid.measurement.importing.timed.signal_names import (
     size_of,
     split_unit,
 )
-from ibrid.measurement.recordings.channels import require_one_role_each
+from ibrid.measurement.recordings.channels import place_by_number, require_one_role_each
 
 _ABC = ("va", "vb", "vc", "ia", "ib", "ic")
 _MAGNITUDES = tuple(f"{role}_{part}" for role in _ABC for part in ("mag", "ang"))
+#: So many of a unit: `0.1 A`.
+_COUNTED_UNIT = re.compile(r"(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([^\s\d].*)")
 #: What a voltage without an angle is called, the plainest first.
 _SIZES = ("v_mag", "v", "vpos_mag", "vpos", "va_mag", "va")
 #: Active and reactive current, as programs call them.
@@ -174,7 +177,7 @@ def _units_said_twice(
     for role in columns.keys() & told.keys():
         name = names[columns[role].place]
         (_, said), (_, written) = _with_unit(told[role], names), split_unit(name)
-        if not said or not written:
+        if not said or not written or columns[role].scaled:
             continue
         counted = counted_in(said) | counted_in(f"{written} {name}")
         opposite = {"line", "phase"} <= counted or {"rms", "peak"} <= counted
@@ -192,6 +195,27 @@ def _with_unit(text: str, names: Sequence[str]) -> tuple[str, str]:
     return channel.strip(), unit.strip()
 
 
+def _size_said(unit: str) -> tuple[str, float] | None:
+    """What a unit measures, and how much of it one number is: of `0.1 A` behind a probe 0.1."""
+    counted = _COUNTED_UNIT.fullmatch(unit)
+    size = size_of(counted[2] if counted else unit)
+    if counted is None or size is None:
+        return size
+    return size[0], size[1] * float(counted[1])
+
+
+def _place_said(channel: str, names: Sequence[str]) -> int | None:
+    """The place of a channel, by its name, its name without the unit, or its number from 1 on; None
+    for none.
+    """
+    if channel in names:
+        return names.index(channel)
+    bare = [k for k, name in enumerate(names) if split_unit(name)[0] == channel]
+    if len(bare) == 1:
+        return bare[0]
+    return place_by_number(channel, len(names))
+
+
 def _told(
     role: str, text: str, signals: Sequence[ColumnSignal], names: Sequence[str], where: str
 ) -> Column:
@@ -199,19 +223,32 @@ def _told(
     where one is said.
     """
     bare, unit = _with_unit(text, names)
-    if bare != text.strip() and size_of(unit) is None:
+    size = _size_said(unit)
+    if bare != text.strip() and size is None:
         raise SweepError(
             f"--channels {role}={text[:40]}: a unit must be V, A, W, var, s, Hz, deg or pu, "
-            f"also with k, M or m; found {unit[:20]!r}."
+            "also with k, M or m, or so many of them such as 0.1 A behind a probe; found "
+            f"{unit[:20]!r}."
         )
-    places = [k for k, name in enumerate(names) if name == bare]
-    if not places and bare.isdigit() and 0 < int(bare) <= len(names):
-        places = [int(bare) - 1]
-    if not places:
+    place = _place_said(bare, names)
+    if place is None:
         raise SweepError(
             f"{where}: there is no channel {bare[:40]!r} for {role}; {near(bare, names)}"
         )
-    signal = signals[places[0]]
-    dimension, factor = (size_of(unit) or ("", 1.0)) if unit else (signal.dimension, signal.factor)
+    signal = signals[place]
+    if not unit and not signal.dimension:  # as of a current whose name says mV
+        size = size_of(split_unit(names[place])[1])
+    dimension, factor = size or (signal.dimension, signal.factor)
+    _require_fit(role, dimension, names[place], text, where)
     counted = counted_in(unit) or signal.counted
-    return Column(places[0], replace(signal, dimension=dimension, factor=factor, counted=counted))
+    signal = replace(signal, dimension=dimension, factor=factor, counted=counted)
+    return Column(place, signal, scaled=_COUNTED_UNIT.fullmatch(unit) is not None)
+
+
+def _require_fit(role: str, dimension: str, name: str, text: str, where: str) -> None:
+    """SweepError for a current in V, as a probe gives it."""
+    if dimension == "voltage" and role[0] == "i" and not role.endswith("_ang"):
+        raise SweepError(
+            f"{where}: {name} must be a current for {role}, and is in V as of a probe; say how "
+            f"many A one of its numbers is: --channels {role}={text.partition('[')[0]}[0.1A]."
+        )

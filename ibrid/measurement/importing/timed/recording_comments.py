@@ -12,6 +12,7 @@ from ibrid.measurement.importing.doubts.transformer_ratio import (
     transformer_doubts,
 )
 from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.timed.probes import volts_per_ampere
 from ibrid.measurement.importing.told import doubts_beside, told_beside
 
 #: Keys of a header, and what their numbers measure.
@@ -24,13 +25,14 @@ _ONE_NUMBER = re.compile(r"[^:=]+[:=]\s*[-+.,\deE]+?\s*[A-Za-zµ]+\s*")
 class RecordingComments:
     """keys : header keys that words say (VA, V, Hz). lines : with their numbers, those that
     are keys and notes as they stand. remarks : what was read so, and what is doubted.
-    transformers : what is told of instrument transformers.
+    transformers : what is told of instrument transformers. probes : V per A of those of currents.
     """
 
     keys: dict[str, object]
     lines: list[tuple[int, str]]
     remarks: tuple[str, ...]
     transformers: tuple[TransformerDoubt, ...]
+    probes: tuple[float, ...]
 
 
 def read_comments(tables: Sequence[ForeignTable]) -> RecordingComments:
@@ -54,7 +56,8 @@ def read_comments(tables: Sequence[ForeignTable]) -> RecordingComments:
     primary = primary_said(texts)
     if primary and not transformers:
         remarks.append(f"values of the primary side: {primary.strip()[:80]!r}")
-    return RecordingComments(keys, plain, (*remarks, *doubts), transformers)
+    probes = volts_per_ampere(texts)
+    return RecordingComments(keys, plain, (*remarks, *doubts), transformers, probes)
 
 
 def _is_one_of(comment: str, keys: Container[str]) -> bool:
