@@ -24,6 +24,7 @@ from ibrid.commands import inputs
 from ibrid.commands.outputs import INTERRUPTED, UNFINISHED
 from ibrid.errors import IbridError, UnfinishedError, UnforeseenError, near
 from ibrid.interrupts import hearing_interrupts
+from ibrid.lazy import MATPLOTLIB
 from ibrid.own_files import writing_as
 from ibrid.streams import bordered_streams, complain, why_output_failed, worded_warnings
 
@@ -287,6 +288,10 @@ def _run(words: list[str]) -> int:
     ]
     named = [told for dest in OUTPUTS if isinstance(told := getattr(arguments, dest, None), str)]
     files_read, folders_read = inputs.files_named(words_read), inputs.folders_named(words_read)
+    if os.path.exists(MATPLOTLIB):
+        from ibrid.report.look.figure import load_drawing
+
+        load_drawing()
     with writing_as(words[0], files_read, arguments.overwrite, named, folders_read, words):
         return arguments.run(arguments)
 

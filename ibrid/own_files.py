@@ -129,8 +129,10 @@ def writing_as(
     if _WRITER.get() is not None:
         yield
         return
-    for path in (*(inputs or {}).values(), *reads, *named):
+    for path in (*(inputs or {}).values(), *reads):
         require_below(path)
+    for path in named:
+        require_below(path, written=True)
     writer = Writer(
         command, inputs or {}, overwrite, frozenset(named), tuple(reads), words=tuple(words)
     )
@@ -164,14 +166,15 @@ def also_reading(inputs: Mapping[str, str | Path]) -> None:
         replace(writer, inputs=new).require_no_input(Path(name))
 
 
-def require_below(path: str | Path) -> None:
+def require_below(path: str | Path, *, written: bool = False) -> None:
     """Raise IbridError for a file outside of the folder that `ONLY_BELOW` names, also through a
-    link; data that ship are inside.
+    link; data that ship may be read.
     """
     if not (root := os.environ.get(ONLY_BELOW)):
         return
     place = Path(path).resolve()
-    if not any(place.is_relative_to(one) for one in (Path(root).resolve(), *_SHIPPED)):
+    folders = (Path(root).resolve(), *(() if written else _SHIPPED))
+    if not any(place.is_relative_to(one) for one in folders):
         raise IbridError(f"{path}: lies outside of {root}, to which this command is kept")
 
 
@@ -197,7 +200,7 @@ def require_own(path: Path) -> None:
         path.exists() and not path.is_file()
     ):  # a device or a pipe, which holds nothing
         return
-    require_below(path)
+    require_below(path, written=True)
     writer.require_no_input(path)
     if path.name == LIST or (
         path.name.startswith(ARCHIVE) and writer.is_named(path) and not writer.is_free(path)

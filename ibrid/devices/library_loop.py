@@ -6,9 +6,9 @@ many samples later as the computation takes.
 """
 
 import numpy as np
-from numba import njit
 
 from ibrid.devices.cigre_library import ERROR, TIME
+from ibrid.fit.just_in_time import njit
 from ibrid.fit.kernel import OPTIONS
 
 

@@ -94,6 +94,7 @@ def minimise(
             "show_eval_warnings": False,
             "ipopt.print_level": 0,
             "ipopt.sb": "yes",
+            "ipopt.option_file_name": "",  # none: the working folder may be somebody else's
             "ipopt.max_iter": iterations,
             "ipopt.tol": 1e-9,
             "ipopt.acceptable_tol": 1e10,  # so that a step without gain ends the solve

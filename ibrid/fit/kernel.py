@@ -8,7 +8,8 @@ Y = M_yv + M_yx R and dY = [L I] dM [R; I], so a derivative costs one outer prod
 from functools import cache
 
 import numpy as np
-from numba import njit
+
+from ibrid.fit.just_in_time import njit
 
 #: Stands for log(0): the model's entry is taken as 1e-12 of the measured one.
 LOG_OF_NOTHING = -27.6 + 0.0j

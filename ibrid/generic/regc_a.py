@@ -9,8 +9,7 @@ is positive where reactive power is delivered.
 Reference: WECC, Solar Plant Dynamic Modeling Guidelines; ESIG, REGC_A model specification.
 """
 
-from numba import njit
-
+from ibrid.fit.just_in_time import njit
 from ibrid.generic.block import Constant, Flag, LawBlock
 from ibrid.generic.laws import clip, lag_rate
 

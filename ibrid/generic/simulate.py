@@ -8,8 +8,8 @@ voltage is seen at the next step.
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
+from ibrid.fit.just_in_time import njit
 from ibrid.generic.dialect import Dialect
 from ibrid.generic.reec_a import (
     ENDED,

@@ -14,9 +14,9 @@ from typing import Any
 
 import casadi as ca
 from llvmlite import binding, ir
-from numba.core import config
 
 from ibrid.errors import IbridError
+from ibrid.fit.just_in_time import config
 
 #: Parameter sets that one instruction takes.
 LANES = 4

@@ -15,9 +15,9 @@ the law itself.
 """
 
 import numpy as np
-from numba import njit
 from scipy.integrate import DOP853, RK45
 
+from ibrid.fit.just_in_time import njit
 from ibrid.fit.kernel import OPTIONS
 
 Rule = tuple[np.ndarray, ...]

@@ -9,7 +9,7 @@ import io
 from typing import Any
 
 import numpy as np
-from matplotlib import rc_context
+from matplotlib import rc_context, rcdefaults, rcParams
 from matplotlib.figure import Figure
 
 from ibrid.measurement.recordings.events import Events
@@ -29,7 +29,9 @@ _SETTINGS: Any = {
 
 def import_picture(data: Sweep | Events, kind: str) -> bytes:
     """The picture as svg or png."""
-    with rc_context(_SETTINGS):
+    with rc_context():
+        rcdefaults()  # the same picture whatever the reader's own figures look like
+        rcParams.update(_SETTINGS)
         figure = Figure(figsize=(8, 6), layout="constrained")
         upper, lower = figure.subplots(2, sharex=True)
         if isinstance(data, Events):

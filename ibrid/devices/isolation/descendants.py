@@ -38,6 +38,15 @@ def end_descendants(pid: int) -> None:
     end_processes(list(stopped.values()))
 
 
+def end_with_descendants(pid: int) -> None:
+    """Stop a process, so that it begins no others, end those that it began, then itself."""
+    with suppress(psutil.Error, OSError):
+        process = psutil.Process(pid)
+        process.suspend()
+        end_descendants(pid)
+        process.kill()
+
+
 def end_processes_with(variable: str, value: str) -> None:
     """End every process of ours whose environment says so: what a model that crashed left behind,
     unless it had an environment of its own.

@@ -15,12 +15,15 @@ from tempfile import TemporaryDirectory
 from typing import Any, BinaryIO, cast
 
 import numpy as np
-import psutil
 
 from ibrid.devices.describing import Description
 from ibrid.devices.device_file import DeviceFile
 from ibrid.devices.isolation.child import NOTHING, Message, plain_device, receive, send
-from ibrid.devices.isolation.descendants import ENDING_S, end_descendants, end_processes_with
+from ibrid.devices.isolation.descendants import (
+    ENDING_S,
+    end_processes_with,
+    end_with_descendants,
+)
 from ibrid.errors import IbridError
 from ibrid.hanging import HangWatch, processor_seconds
 
@@ -89,19 +92,13 @@ class ModelProcess:
 
     def close(self) -> None:
         """End the process and those that it began, and take its temporary files away."""
-        self._end()
+        end_with_descendants(self._process.pid)
+        self._process.kill()
         self._process.wait()
         end_processes_with("TMPDIR", self._folder.name)
         with suppress(OSError):  # what was written and never read
             cast(BinaryIO, self._process.stdin).close()
         self._folder.cleanup()
-
-    def _end(self) -> None:
-        """Stop the process, so that it begins no others, end those that it began, then itself."""
-        with suppress(psutil.Error, OSError):
-            psutil.Process(self._process.pid).suspend()
-        end_descendants(self._process.pid)
-        self._process.kill()
 
     def ask(self, line: dict[str, Any], numbers: np.ndarray = NOTHING) -> Message:
         """What the process answers.
@@ -132,7 +129,7 @@ class ModelProcess:
             except Empty:
                 why = watch.why_it_hangs()
             if why:
-                self._end()
+                end_with_descendants(self._process.pid)
                 raise IbridError(
                     f"{self._what}: hangs, its process {why}; look for a loop without end in the "
                     "model"

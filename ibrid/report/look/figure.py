@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
+from ibrid.lazy import MATPLOTLIB, without_settings
 from ibrid.report.look.style import INK, MUTED, RULE, STAND_INS, plain_decades, unit_of
 
 if TYPE_CHECKING:
@@ -48,6 +49,12 @@ _SETTINGS: Any = {
 SIMPLIFIED, SIMPLIFIED_ZOOM = 0.3, 0.02
 #: Inches left, right, below and above the axes of a figure; and between stacked axes.
 MARGINS, BETWEEN = (0.78, 0.16, 0.5, 0.1), 0.12
+
+
+def load_drawing() -> None:
+    """Import matplotlib without what a file in the working folder says of figures."""
+    with without_settings(MATPLOTLIB):
+        import matplotlib  # noqa: F401
 
 
 def inline_svg(
@@ -85,13 +92,14 @@ def inline_svgs(
     """As `inline_svg`, of several of one kind: name -> (label, draw). The axes are made once, half
     the time of a figure.
     """
-    from matplotlib import rc_context
+    from matplotlib import rc_context, rcdefaults, rcParams
     from matplotlib.figure import Figure
 
     pictures: list[Markup] = []
-    with rc_context(
-        {**_SETTINGS, "path.simplify_threshold": SIMPLIFIED_ZOOM if zoom else SIMPLIFIED}
-    ):
+    with rc_context():
+        rcdefaults()  # a page is the same whatever the reader's own figures look like
+        rcParams.update(_SETTINGS)
+        rcParams["path.simplify_threshold"] = SIMPLIFIED_ZOOM if zoom else SIMPLIFIED
         figure = Figure(figsize=size)
         axes = figure.subplots(
             rows, 1, sharex=True, squeeze=False, gridspec_kw=_grid(size, rows, heights, left)

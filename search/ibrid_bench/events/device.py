@@ -12,9 +12,10 @@ from math import cos, hypot, inf, sin
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.integrate import RK45
 from scipy.interpolate import CubicSpline
+
+from ibrid.fit.just_in_time import njit
 
 OMEGA = 120 * np.pi
 #: Largest step, s: kinks of the laws are met by short steps, jumps by the control of the error.

@@ -9,9 +9,9 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numba import njit
 
 from ibrid.errors import IbridError
+from ibrid.fit.just_in_time import njit
 
 #: CasADi's operations as Python expressions of their arguments.
 _EXPRESSIONS = {

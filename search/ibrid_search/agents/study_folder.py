@@ -14,6 +14,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from ibrid.devices.isolation.descendants import end_with_descendants
 from ibrid.errors import IbridError, near
 from ibrid.own_files import ONLY_BELOW
 from ibrid_search.agents.tool import Steps, Tool, tools_in
@@ -41,8 +42,12 @@ COMMANDS = (
 )
 #: Those that run model files of others.
 DEVICES = ("measure", "open")
-#: Options that execute Python files.
+#: Options that execute Python files; and commands with options that ask a language model, at a
+#: server that the agent would choose and with the user's key.
 EXECUTING = ("--kinds",)
+ASKING = {"gap": ("--suggest", "--model")}
+#: What runs a command, behind Python's own options.
+_RUN = "from ibrid_search.agents.study_command import run; run()"
 #: Characters of output that an answer has, its end; and those of a file that is shown.
 SHOWN, LONGEST_FILE = 3_000, 20_000
 #: Files of the folder that are listed.
@@ -58,13 +63,17 @@ class _Running:
     scratch: "TemporaryDirectory[str]"
 
     def output(self, name: str) -> str:
-        text = (Path(self.scratch.name) / name).read_text(encoding="utf-8", errors="replace")
+        with (Path(self.scratch.name) / name).open("rb") as stream:
+            stream.seek(max(0, stream.seek(0, os.SEEK_END) - 4 * SHOWN))
+            text = stream.read(4 * SHOWN).decode("utf-8", "replace")
         return text[-SHOWN:]
 
     def end(self) -> None:
         if self.process.poll() is None:
-            self.process.kill()
+            end_with_descendants(self.process.pid)
         self.process.wait()
+        if self.process.stdin is not None:
+            self.process.stdin.close()
         self.scratch.cleanup()
 
 
@@ -127,12 +136,11 @@ class StudyFolder:
             path = self._inside(file)
             if not path.is_file():
                 raise IbridError(f"there is no file {file[:100]!r}; list_files tells all")
-            content = path.read_bytes()[:LONGEST_FILE]
+            with path.open("rb") as stream:
+                content = stream.read(LONGEST_FILE)
             return {"file": file, "begins": content.decode("utf-8", "replace")}
         files = sorted(
-            path
-            for path in self.folder.rglob("*")
-            if path.is_file() and not path.name.startswith(".")
+            path for path in self.folder.rglob("*") if path.is_file() and self._is_shown(path)
         )
         told = [
             {"file": str(path.relative_to(self.folder)), "bytes": path.stat().st_size}
@@ -163,26 +171,33 @@ class StudyFolder:
                 f"there is no command {command[:60]!r}; {near(command, self._commands)}"
             )
         for word in words[1:]:
-            if word.split("=", 1)[0] in EXECUTING:
+            option = word.split("=", 1)[0]
+            if option in EXECUTING:
                 raise IbridError(f"{word[:60]} executes a Python file, which no tool does")
+            if option in ASKING.get(command, ()):
+                raise IbridError(f"{word[:60]} asks a language model, which no tool does")
 
     def _begun(self, words: tuple[str, ...]) -> _Running:
         scratch = TemporaryDirectory(prefix="ibrid-study-", ignore_cleanup_errors=True)
         single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
         path = os.pathsep.join(filter(None, sys.path))
         environment = {**os.environ, **single, "PYTHONPATH": path, ONLY_BELOW: str(self.folder)}
-        with (
-            (Path(scratch.name) / "stdout").open("wb") as stdout,
-            (Path(scratch.name) / "stderr").open("wb") as stderr,
-        ):
-            process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "ibrid", *words],
-                cwd=self.folder,
-                env=environment,
-                stdin=subprocess.DEVNULL,
-                stdout=stdout,
-                stderr=stderr,
-            )
+        try:
+            with (
+                (Path(scratch.name) / "stdout").open("wb") as stdout,
+                (Path(scratch.name) / "stderr").open("wb") as stderr,
+            ):
+                process = subprocess.Popen(
+                    [sys.executable, "-P", "-c", _RUN, *words],
+                    cwd=self.folder,
+                    env=environment,
+                    stdin=subprocess.PIPE,  # of which the command sees only that it ends
+                    stdout=stdout,
+                    stderr=stderr,
+                )
+        except (OSError, ValueError) as error:  # ValueError: of words that no system can pass on
+            scratch.cleanup()
+            raise IbridError(f"the command cannot be begun ({error}); choose other words") from None
         return _Running(words, process, scratch)
 
     def _answer(self, running: _Running) -> dict[str, Any]:
@@ -208,8 +223,18 @@ class StudyFolder:
             self._running.end()
             self._running = None
 
+    def _is_shown(self, path: Path) -> bool:
+        """Whether a file is none that is hidden, and no link out of the folder."""
+        parts = path.relative_to(self.folder).parts
+        hidden = any(part.startswith(".") for part in parts)
+        return not hidden and path.resolve().is_relative_to(self.folder)
+
     def _inside(self, file: str) -> Path:
-        path = (self.folder / file).resolve()
+        try:
+            path = (self.folder / file).resolve()
+            path.is_file()
+        except (OSError, ValueError) as error:
+            raise IbridError(f"{file[:100]!r} can be no file ({error}); choose another") from None
         if not path.is_relative_to(self.folder) or path == self.folder:
             raise IbridError(f"{file[:100]!r} must be a file below the folder of the study")
         return path
