@@ -24,6 +24,7 @@ from ibrid_search.recursion.loop import BUDGET, STOPPED, TARGET
 from ibrid_search.requirements import Requirements
 from ibrid_search.run.run_folder import read_run_toml
 from ibrid_search.run.selection import read_selection
+from ibrid_search.run.stop_request import is_stop_requested, request_stop
 from ibrid_search.run.store import Store
 from ibrid_search.running import Run
 from ibrid_search.settings import Goal, SearchSettings, Workers
@@ -675,6 +676,22 @@ def test_a_run_that_sigkill_ended_goes_on_and_ends_as_the_uninterrupted_one(tmp_
     assert again.trajectory == whole.trajectory
 
 
+@pytest.mark.slow
+def test_the_live_page_stops_a_search_which_goes_on_later(tmp_path, capsys):
+    def press(context: Context) -> None:
+        if observer.asked == 3:
+            request_stop(tmp_path / "run")
+
+    observer = Observer(press)
+    found = ran(tmp_path / "run", proposer=observer, settings=PLAIN, budget=9, progress="plain")
+    assert (found.ending, found.finished) == (STOPPED, False)
+    assert "the live page asks to stop" in capsys.readouterr().out
+    assert not is_stop_requested(tmp_path / "run")
+    assert not any(step.status is Status.PENDING for step in steps_in(tmp_path / "run"))
+    again = ran(tmp_path / "run", proposer=Observer(), settings=PLAIN, budget=9, resume=True)
+    assert (again.ending, again.evaluations) == (BUDGET, 9)
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("first", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_or_a_schedulers_sigterm_says_how_to_go_on(tmp_path, first):
@@ -683,7 +700,7 @@ def test_ctrl_c_or_a_schedulers_sigterm_says_how_to_go_on(tmp_path, first):
     process.send_signal(first)
     out, err = process.communicate(timeout=600)
     assert process.returncode == 130
-    assert "stopped by Ctrl-C or a signal" in out
+    assert "stopped by Ctrl-C, a signal or its live page" in out
     assert "a second Ctrl-C stops at once" in out + err
     assert f"--out {tmp_path / 'run'} --resume" in err
     assert "Traceback" not in err

@@ -17,11 +17,15 @@ from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 
+import ibrid_search
 import pytest
 from browser import _NAMES, _OPTIONS
+from browser import asked as answers_of
 from fitted import benchmark, changed, evaluated
+from ibrid_search.run.store import Store
 from ibrid_search.watching import WatchServer
-from ibrid_search.watching.server import ADDRESS, run_state
+from ibrid_search.watching.run_state import run_state, run_summary
+from ibrid_search.watching.server import ADDRESS
 from made_run import a_run, meta
 
 from ibrid import cli
@@ -133,6 +137,126 @@ def test_what_is_no_address_or_no_length_is_a_sentence(
 
 
 @pytest.mark.slow
+def test_a_trial_says_what_it_changed_and_what_was_fitted(run: Path, server: WatchServer):
+    status, text = asked(server, "/trials")
+    assert status == 200
+    table = json.loads(text)
+    assert [row["step"] for row in table["rows"]] == [5, 3, 1, 0]
+    best, *_, start = table["rows"]
+    assert start["difference"] == []
+    assert '+ g.add("LPF1", "pll_filter")' in best["difference"]
+    record = evaluated("gfl_pll_filter_exact", restarts=0)
+    for name, (low, high) in best["parameters"].items():
+        values = [point[name] for point in record.parameters.values()]
+        assert (low, high) == (min(values), max(values))
+    assert table["units"]["pll.kP_pll"] == "rad/s/pu"
+    assert table["left_out"] == 0
+
+
+@pytest.mark.slow
+def test_what_is_left_follows_from_the_pace_so_far(tmp_path: Path):
+    folder = a_run(tmp_path / "run", meta(seconds="20"))
+    assert (run_state(folder)["running"], run_state(folder)["seconds_left"]) == (False, None)
+    with Store.open(folder / "archive.sqlite"):  # as a search does
+        state = run_state(folder)
+    assert (state["running"], state["seconds"]) == (True, 20.0)
+    assert state["seconds_left"] == pytest.approx(20.0 / 4 * (40 - 4))
+
+
+@pytest.mark.slow
+def test_several_runs_are_compared(run: Path, tmp_path: Path):
+    second = a_run(tmp_path / "second", meta(ending="the budget is spent"), until=3)
+    server = WatchServer([run, second])
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        runs = json.loads(asked(server, "/runs")[1])
+        assert runs == [run_summary(run), run_summary(second)]
+        assert [one["evaluations"] for one in runs] == [4, 3]
+        assert runs[1]["best_nrmse"] == evaluated("gfl", restarts=0).nrmse
+        assert [evaluation for evaluation, _ in runs[0]["curve"]] == [1, 2, 3, 4]
+        assert json.loads(asked(server, "/state?run=1")[1]) == run_state(second)
+        for path in ("/state?run=2", "/state?run=-1", "/trials?run=x", f"/state?run={'9' * 500}"):
+            assert asked(server, path)[0] == 404, path
+        assert 'id="runs"' in asked(server, "/")[1]
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def test_only_the_page_that_was_served_stops_a_search(tmp_path: Path):
+    folder = a_run(tmp_path / "run", meta(), until=-1)
+    server = WatchServer(folder)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    own = f"http://127.0.0.1:{server.server_address[1]}"
+    (token,) = re.findall(r'name="ibrid-token" content="([^"]+)"', asked(server, "/")[1])
+    try:
+        with Store.open(folder / "archive.sqlite"):
+            for refused in (
+                {},
+                {"Origin": own},
+                {"X_Ibrid_Token": token},
+                {"Origin": own, "X_Ibrid_Token": token[:-1]},
+                {"Origin": own, "X_Ibrid_Token": "\xe9"},
+                {"Origin": "http://evil.example", "X_Ibrid_Token": token},
+                {"Origin": "null", "X_Ibrid_Token": token},
+            ):
+                assert asked(server, "/stop", "POST", **refused)[0] == 403, refused
+                assert not run_state(folder)["stopping"]
+            assert asked(server, "/stop", Origin=own, X_Ibrid_Token=token)[0] == 404  # a GET
+            for _ in range(2):
+                assert asked(server, "/stop", "POST", Origin=own, X_Ibrid_Token=token)[0] == 200
+            assert run_state(folder)["stopping"]
+            assert [path.name for path in folder.iterdir() if "stop" in path.name] == [
+                "archive.stop"
+            ]
+        status, text = asked(server, "/stop", "POST", Origin=own, X_Ibrid_Token=token)
+        assert (status, "no search is writing this run" in text) == (409, True)
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+#: A page with the table alone, as the live page has it.
+TABLE_PAGE = """<!DOCTYPE html><select id="parameter"></select><input id="find">
+<span id="counted"></span>
+<table id="trials"><thead></thead><tbody></tbody></table><script>%s
+window.table = new TrialTable(() => 0);
+table.evaluations = new Map([[0, 1], [1, 2], [3, 3]]);
+table.show(%s);</script>"""
+
+
+def test_trials_are_sorted_by_any_column_and_found_by_words(tmp_path: Path):
+    base = {"status": "ok", "reason": "", "stable": True, "order": 3, "free": 2, "seconds": 1.0}
+    rows = [
+        base | {"step": 0, "nrmse": 0.9, "note": "", "proposer": "", "difference": []},
+        base
+        | {"step": 1, "nrmse": 0.1, "note": "a PLL", "proposer": "rules", "difference": ["+ g"]},
+        base | {"step": 3, "nrmse": None, "note": "a limit", "proposer": "llm", "difference": []},
+    ]
+    values = ({"pll.kP": [60, 60]}, {"pll.kP": [5, 7]}, {})
+    rows = [row | {"parameters": known} for row, known in zip(rows, values, strict=True)]
+    given = json.dumps({"rows": rows, "units": {"pll.kP": "rad/s/pu"}, "left_out": 2})
+    script = (Path(ibrid_search.__file__).parent / "templates" / "watch_table.js").read_text()
+    question = """
+    const rows = () => [...document.querySelectorAll("tbody tr")];
+    const order = () => rows().map((one) => +one.dataset.step), found = [order()];
+    const click = (name) => document.querySelector(`button[data-column="${name}"]`).click();
+    click("nrmse"); found.push(order());
+    click("evaluation"); found.push(order());
+    const own = document.getElementById("parameter"), find = document.getElementById("find");
+    own.value = "pll.kP"; own.dispatchEvent(new Event("change")); found.push(order());
+    found.push(rows()[0].textContent.includes("5 to 7"));
+    find.value = "pll a"; find.dispatchEvent(new Event("input")); found.push(order());
+    found.push(document.getElementById("counted").textContent);
+    return found;
+    """
+    (found,), console = answers_of([TABLE_PAGE % (script, given)], question, tmp_path)
+    assert found[:4] == [[1, 0, 3], [0, 1, 3], [0, 1, 3], [1, 0, 3]]  # without a value: last
+    assert found[4:] == [True, [1], "1 of 3 trials; 2 of larger error are not listed"]
+    assert not console
+
+
+@pytest.mark.slow
 def test_a_shipped_diagram_that_the_search_began_with_has_no_parent(tmp_path: Path):
     state = run_state(a_run(tmp_path / "run", meta(), shipped=(1,)))
     assert {one["step"]: one["parent"] for one in state["nodes"]} == {0: None, 1: None, 3: 1, 5: 3}
@@ -141,7 +265,7 @@ def test_a_shipped_diagram_that_the_search_began_with_has_no_parent(tmp_path: Pa
 @pytest.mark.slow
 def test_nothing_is_written_into_the_run(run: Path, server: WatchServer):
     before = {path: path.read_bytes() for path in run.rglob("*")}
-    for path in ("/", "/watch.js", "/state", "/step/3"):
+    for path in ("/", "/watch.js", "/watch_table.js", "/state", "/runs", "/trials", "/step/3"):
         assert asked(server, path)[0] == 200
     for method in ("POST", "PUT", "DELETE"):
         assert asked(server, "/state", method, b"x")[0] in (404, 501)
@@ -199,8 +323,12 @@ def test_a_real_browser_draws_curve_tree_and_the_best_candidate(
     )
     assert done.stdout.count("<circle") == 8  # four in the curve, four in the tree
     assert done.stdout.count('class="edge way"') == 3
-    assert "Best so far: step 5" in done.stdout
-    assert 'src="/step/5"' in done.stdout
+    assert "Best so far: evaluation 4" in done.stdout
+    assert 'src="/step/5?run=0"' in done.stdout
+    assert {"evaluation", "NRMSE"} == set(re.findall(r'class="axis-name"[^>]*>(\w+)<', done.stdout))
+    trials = re.findall(r'<tr data-step="(\d+)"', done.stdout)
+    assert trials == ["5", "3", "1", "0"]  # the lowest error first
+    assert "13 values" in done.stdout
     (height,) = re.findall(r'<iframe[^>]*style="height: (\d+)', done.stdout)
     assert int(height) > 1500  # as tall as the page in it
     assert not [line for line in done.stderr.splitlines() if "CONSOLE" in line]

@@ -230,7 +230,7 @@ def run_watch(arguments: Namespace) -> int:
 
     kinds = choose_vocabulary(inputs.vocabulary(files=arguments.kinds))
     watch(
-        Path(arguments.folder),
+        [Path(folder) for folder in arguments.folder],
         arguments.port,
         kinds,
         lambda url: print(f"{url} (Ctrl-C ends it)", flush=True),

@@ -39,7 +39,7 @@ BUDGET, TARGET = "the budget is spent", "the target is reached"
 FLOOR, EXACT_FIT = "the noise floor is reached", "the fit is exact"
 NOTHING_NEW, STOPPED = (
     "no proposal led to a new structure for a long time",
-    "stopped by Ctrl-C or a signal",
+    "stopped by Ctrl-C, a signal or its live page",
 )
 #: Last steps that a question may tell.
 RECENT = 8

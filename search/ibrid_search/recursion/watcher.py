@@ -2,14 +2,17 @@
 tokens that it has taken.
 """
 
+import math
 import time
 from collections import Counter
+from collections.abc import Mapping
 from pathlib import Path
 
 from ibrid_search.chat.spending import Spending, without_numbers
 from ibrid_search.recursion.loop import Loop
 from ibrid_search.recursion.progress import Progress, Snapshot
 from ibrid_search.run.run_folder import write_best
+from ibrid_search.run.stop_request import is_stop_requested
 from ibrid_search.run.store import Store
 from ibrid_search.run.tally import Tally
 from ibrid_search.run.trajectory import improves, milestone
@@ -31,7 +34,7 @@ class Watcher:
     def __init__(self, store: Store, folder: Path, shown: Progress, budget: int) -> None:
         self.store, self.folder, self.shown, self.budget = store, folder, shown, budget
         self.spending = Spending()
-        self._began = time.monotonic() - _seconds(store)
+        self._began = time.monotonic() - seconds_of(store.meta)
         self._mark: float | None = None  # the best NRMSE that was told
         self._counts: Counter[Status] = Counter()
         self._evaluation = 0
@@ -56,10 +59,20 @@ class Watcher:
             if loop.best is step:
                 self._keep(loop, step)
                 self._tell(loop, step)
+        self._heed(loop)
         tally = Tally.of(self._counts)
         self.shown.update(
             Snapshot(step.number, self._evaluation, self._mark, tally, self.spending.words)
         )
+
+    def _heed(self, loop: Loop) -> None:
+        """End the search after what is under way where its live page asked for that."""
+        if not loop.stop_asked and is_stop_requested(self.folder):
+            loop.stop_asked = True
+            self.shown.say(
+                "Finishing what is under way: the live page asks to stop. Go on later with "
+                "--resume."
+            )
 
     def _keep(self, loop: Loop, step: Step) -> None:
         write_best(self.folder, loop.appraisal.record(step.number))
@@ -84,9 +97,10 @@ class Watcher:
         )
 
 
-def _seconds(store: Store) -> float:
-    """What earlier sittings took."""
+def seconds_of(meta: Mapping[str, str]) -> float:
+    """What all sittings took so far, by the texts of the store; 0 where they do not say it."""
     try:
-        return float(store.meta.get(SECONDS, ""))
+        seconds = float(meta.get(SECONDS, ""))
     except ValueError:
         return 0.0
+    return seconds if math.isfinite(seconds) and seconds > 0 else 0.0

@@ -14,8 +14,9 @@ from ibrid.writing import inside
 
 #: Marks a file as the archive of a search ("ibrd"); PRAGMA application_id.
 APPLICATION = 0x69627264
-#: Seconds to wait for a reader or a backup that holds the file for a moment.
-PATIENCE = 10.0
+#: Seconds to wait for a reader or a backup that holds the file for a moment, and for one that asks
+#: whether somebody writes.
+PATIENCE, GLANCE = 10.0, 0.5
 LOCK = ".lock"
 #: Begins a journal, and ends one that names a file to be deleted with it.
 _JOURNAL = bytes.fromhex("d9d505f920a163d7")
@@ -190,7 +191,7 @@ def _become_writer(path: Path) -> sqlite3.Connection:
     """
     lock = path.with_suffix(LOCK)
     with _in_a_sentence(lock):
-        connection = sqlite3.connect(lock, isolation_level=None, timeout=0.0)
+        connection = sqlite3.connect(lock, isolation_level=None, timeout=GLANCE)
         try:
             connection.execute("BEGIN EXCLUSIVE")
         except sqlite3.Error as error:
@@ -201,6 +202,22 @@ def _become_writer(path: Path) -> sqlite3.Connection:
                 ) from None
             raise
     return connection
+
+
+def is_being_written(path: Path) -> bool:
+    """Whether a live process holds the right to write `path`; it asks without taking it."""
+    lock = inside(path.parent, path.with_suffix(LOCK).name)
+    if not lock.is_file():
+        return False
+    address = f"{lock.absolute().as_uri()}?mode=ro"
+    with _in_a_sentence(lock), closing(sqlite3.connect(address, uri=True, timeout=0.0)) as asking:
+        try:
+            asking.execute("SELECT 1 FROM sqlite_master")
+        except sqlite3.Error as error:
+            if error.sqlite_errorcode == sqlite3.SQLITE_BUSY:
+                return True
+            raise
+    return False
 
 
 @contextmanager

@@ -5,7 +5,7 @@ on with.
 import hashlib
 import time
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from platform import python_version
@@ -27,8 +27,10 @@ TRAJECTORY, SELECTION, PAGE = "trajectory.csv", "selection.json", "report.html"
 #: What a fleet writes beside its page.
 TABLE = "devices.csv"
 _WRITTEN = (BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE)
+#: Asks the search to stop while it is there.
+STOP = "archive.stop"
 #: What SQLite and the store keep beside the archive.
-BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm")
+BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm", STOP)
 #: What a new archive would take away, were it there.
 TAKEN_AWAY = (*BESIDE_ARCHIVE, "archive.sqlite-journal")
 
@@ -83,6 +85,7 @@ def open_run(
     begun = True
     try:
         with Store.create(archive, texts) if fresh else Store.open(archive) as store:
+            _forget_stop(folder)  # it was meant for an earlier sitting
             if exists:
                 require_same(
                     read_run_toml(_options_text(file, store), str(file)), options, str(file)
@@ -95,10 +98,17 @@ def open_run(
             except IbridError:
                 begun = exists or any(step.status in USABLE for step in store.steps())
                 raise
+            finally:
+                _forget_stop(folder)
     finally:
         if not begun:
             for name in (RUN_TOML, ARCHIVE, *BESIDE_ARCHIVE, *beside):
                 (folder / name).unlink(missing_ok=True)
+
+
+def _forget_stop(folder: Path) -> None:
+    with suppress(OSError):  # none was asked for
+        (folder / STOP).unlink()
 
 
 def run_meta(folder: Path) -> dict[str, str]:

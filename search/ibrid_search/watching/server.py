@@ -1,12 +1,14 @@
-"""The live page of a run: how far it is, every candidate with its parent, one candidate in full.
+"""The server of the live page about runs.
 
-Its server is on the loopback address alone, for hosts named so alone; it writes nothing into the
-run.
+It is on the loopback address alone, for hosts named so alone. It writes nothing into a run but the
+request to stop, and that only for the page that it served itself.
 """
 
+import hmac
 import json
 import os
 import re
+import secrets
 import subprocess
 import sys
 import tempfile
@@ -21,21 +23,14 @@ from urllib.parse import SplitResult, parse_qs, urlsplit
 from ibrid.errors import IbridError
 from ibrid.foreign_text import show_controls_within
 from ibrid.interrupts import forget_interrupt
-from ibrid.measurement.read import read_sweep
-from ibrid.measurement.read_events import read_events
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.report.pages.page import record_facts
-from ibrid.report.pages.playback_page import facts_of_record
 from ibrid.report.pages.template import page
 from ibrid.streams import complain
-from ibrid.structure.comparison.compare import difference
-from ibrid.writing import inside, plain
-from ibrid_search.report.run_data import measured, settings_of, whole_number
-from ibrid_search.run.run_folder import ARCHIVE
-from ibrid_search.run.store import Store
-from ibrid_search.run.trajectory import trajectory
-from ibrid_search.step import line
+from ibrid.writing import plain
+from ibrid_search.run.stop_request import request_stop
+from ibrid_search.watching.run_state import run_state, run_summary, step_page
+from ibrid_search.watching.trials import Trials
 
 ADDRESS = "127.0.0.1"
 #: Names that a browser may call this machine; anything else was led here by somebody's DNS.
@@ -49,23 +44,33 @@ _POLICY = (
     "'self'; frame-src 'self'; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
 )
+#: Scripts of the page, each a file of that name.
+SCRIPTS = ("/watch.js", "/watch_table.js")
 _FRAMED = "frame-ancestors 'self'"  # pages of candidates bring a policy of their own
 
 
 class WatchServer(ThreadingHTTPServer):
-    """Serves one run.
+    """Serves one run, or several that are compared.
 
-    folder : of the run. port : 0 for any free one. kinds : its vocabulary, where it is not a
-    shipped one.
+    folders : of the runs, the one to show first in front. port : 0 for any free one. kinds : their
+    vocabulary, where it is not a shipped one.
     """
 
     daemon_threads = True
 
     def __init__(
-        self, folder: Path, port: int = 0, kinds: Sequence[ModuleKind] = VOCABULARY
+        self,
+        folders: Path | Sequence[Path],
+        port: int = 0,
+        kinds: Sequence[ModuleKind] = VOCABULARY,
     ) -> None:
-        run_state(folder)  # refuses what is no run before anything is served
-        self.folder, self.kinds = folder, tuple(kinds)
+        self.folders = (folders,) if isinstance(folders, Path) else tuple(folders)
+        for folder in self.folders:
+            run_state(folder)  # refuses what is no run before anything is served
+        self.kinds = tuple(kinds)
+        self.trials = tuple(Trials(folder, self.kinds) for folder in self.folders)
+        #: Known to the page alone; without it nothing is changed.
+        self.token = secrets.token_urlsafe(32)
         self.dropped = tempfile.TemporaryDirectory(prefix="ibrid-watch-")
         self.looking = threading.Lock()
         self.looked = 0
@@ -101,16 +106,16 @@ class WatchServer(ThreadingHTTPServer):
 
 
 def watch(
-    folder: Path,
+    folders: Path | Sequence[Path],
     port: int = 0,
     kinds: Sequence[ModuleKind] = VOCABULARY,
     tell: Callable[[str], None] = print,
 ) -> None:
-    """Serve a run until Ctrl-C. tell : is given the address.
+    """Serve a run, or several, until Ctrl-C. tell : is given the address.
 
     Raises IbridError where there is no run or the port is taken.
     """
-    server = WatchServer(folder, port, kinds)
+    server = WatchServer(folders, port, kinds)
     try:
         tell(server.url)
         server.serve_forever(poll_interval=0.2)
@@ -137,7 +142,7 @@ class _Answers(BaseHTTPRequestHandler):
         self._answer(self._page)
 
     def do_POST(self) -> None:
-        self._answer(self._dropped)
+        self._answer(self._posted)
 
     def _answer(self, give: Callable[[], None]) -> None:
         try:
@@ -161,20 +166,34 @@ class _Answers(BaseHTTPRequestHandler):
         if origin is not None and _split(origin).netloc != host:
             raise _Refused(403, "another page may not ask")
 
+    @property
+    def _run(self) -> int:
+        """Which of the runs is asked about, the first where the address does not say it."""
+        asked = parse_qs(_split(self.path).query).get("run", ["0"])[-1]
+        if not re.fullmatch(r"[0-9]{1,4}", asked) or int(asked) >= len(self.server.folders):
+            raise _Refused(404, "there is no such run here")
+        return int(asked)
+
     def _page(self) -> None:
         path = _split(self.path).path
+        folders = self.server.folders
         if path == "/":
-            self._send(page("watch.html", {}, "ibrid_search"), "text/html", policy=_POLICY)
-        elif path == "/watch.js":
+            facts = {"token": self.server.token, "several": len(folders) > 1}
+            self._send(page("watch.html", facts, "ibrid_search"), "text/html", policy=_POLICY)
+        elif path in SCRIPTS:
             self._send(
-                (files("ibrid_search") / "templates" / "watch.js").read_text(encoding="utf-8"),
+                (files("ibrid_search") / "templates" / path[1:]).read_text(encoding="utf-8"),
                 "text/javascript",
             )
         elif path == "/state":
-            self._send_json(run_state(self.server.folder))
+            self._send_json(run_state(folders[self._run]))
+        elif path == "/runs":
+            self._send_json([run_summary(folder) for folder in folders])
+        elif path == "/trials":
+            self._send_json(self.server.trials[self._run].table())
         elif match := re.fullmatch(r"/step/(\d{1,9})", path):
             self._send(
-                step_page(self.server.folder, int(match[1]), self.server.kinds),
+                step_page(folders[self._run], int(match[1]), self.server.kinds),
                 "text/html",
                 policy=_FRAMED,
             )
@@ -186,11 +205,31 @@ class _Answers(BaseHTTPRequestHandler):
         else:
             raise _Refused(404, "there is nothing here")
 
+    def _posted(self) -> None:
+        path = _split(self.path).path
+        if path == "/start":
+            self._dropped()
+        elif path == "/stop":
+            self._require_own_page()
+            try:
+                request_stop(self.server.folders[self._run])
+            except IbridError as error:
+                raise _Refused(409, str(error)) from None
+            self._send_json({"sentence": "The search ends after what is under way."})
+        else:
+            raise _Refused(404, "there is nothing here")
+
+    def _require_own_page(self) -> None:
+        """Only what the page that this server sent asks for: its origin and its token."""
+        given = self.headers.get("X-Ibrid-Token", "").encode("latin-1", "replace")
+        if self.headers.get("Origin") is None or not hmac.compare_digest(
+            given, self.server.token.encode()
+        ):
+            raise _Refused(403, "only the page that was opened here may ask that; load it again")
+
     def _dropped(self) -> None:
         """A file of the user's: what `ibrid start` says about it."""
         asked = _split(self.path)
-        if asked.path != "/start":
-            raise _Refused(404, "there is nothing here")
         length = self.headers.get("Content-Length", "")
         if not re.fullmatch(r"[0-9]{1,12}", length) or not 0 < int(length) <= LARGEST:
             raise _Refused(413, f"a file of at most {LARGEST // 1_000_000} MB can be looked at")
@@ -255,72 +294,8 @@ class _Answers(BaseHTTPRequestHandler):
         """Silent: the terminal belongs to the user."""
 
 
-#: Candidates that a page draws; of more, the best and their ancestors.
-DRAWN = 400
-
-
 def _split(address: str) -> SplitResult:
     try:
         return urlsplit(address)
     except ValueError:
         raise _Refused(400, "this is no address") from None
-
-
-def run_state(folder: Path) -> dict[str, Any]:
-    """How a run stands: `name`, `ending` ("" while it runs), `budget`, `best` (a step or None),
-    `points` (evaluation, NRMSE, best NRMSE) and `nodes`, the evaluated candidates with their
-    parents.
-
-    Raises IbridError where there is no run.
-    """
-    with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
-        meta = dict(store.meta)
-        steps = {step.number: step for step in store.steps()}
-    points = trajectory(steps.values())
-    known = {one.number for one in steps.values() if one.nrmse is not None}
-    ranked = sorted(known, key=lambda number: steps[number].nrmse or 0.0)[:DRAWN]
-    shown = dict.fromkeys(ranked)
-    for number in ranked:
-        shown |= {one.number: None for one in line(steps, number) if one.number in known}
-    best = whole_number(meta.get("best", ""))
-    leading = next((number for number in ranked if steps[number].stable), None)
-    return {
-        "name": folder.resolve().name,
-        "started": meta.get("started", ""),
-        "ending": meta.get("ending", ""),
-        "budget": settings_of(meta.get("settings", "")).get("budget"),
-        "proposals": len(steps),
-        "best": best if best in known else leading,
-        "points": [[one.evaluation, one.nrmse, one.best, one.step] for one in points],
-        "nodes": [
-            {
-                "step": number,
-                "parent": steps[number].edited if steps[number].edited in known else None,
-                "nrmse": steps[number].nrmse,
-                "stable": steps[number].stable,
-                "note": steps[number].note[:200],
-                "proposer": steps[number].proposer,
-            }
-            for number in sorted(shown)
-        ],
-    }
-
-
-def step_page(folder: Path, number: int, kinds: Sequence[ModuleKind] = VOCABULARY) -> str:
-    """A candidate as the page of a record, after what differs from its parent.
-
-    Raises IbridError where there is no such step, or no fit of it.
-    """
-    with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
-        step = store.step(number)
-        record = store.record(number, kinds)
-        sweep, _ = measured(store.meta.get("data", ""), read_sweep)
-        events, _ = measured(store.meta.get("events", ""), read_events)
-        try:
-            parent = None if step.edited is None else store.step(step.edited)
-        except IbridError:
-            parent = None
-    changed = () if parent is None else difference(parent.program, step.program)
-    facts = record_facts(record, sweep, "bode", title=f"Step {number}")
-    facts |= {"events": facts_of_record(record, events), "step": step, "changed": changed}
-    return page("watched.html", facts, "ibrid_search")
