@@ -1,7 +1,7 @@
 // Zoom of the plots by mouse, touch and keyboard; those over frequency in one section follow each other.
 // svg[data-axes] holds for each of its axes the box in units of the drawing and, for x and y, the scale and its ends.
 
-const HINT = "Drag across a plot to enlarge a part; double-click, or the key 0, shows all again. Keys in a plot: + - and arrows.";
+const HINT = "Drag across a plot to enlarge a part; double-click, or the key 0, shows all again. Keys in a plot: + - and arrows; with Shift they move the cursor, which reads the curves.";
 
 class Plot {
   constructor(svg) {
@@ -15,14 +15,16 @@ class Plot {
     const figure = svg.closest("figure");
     this.back = figure.appendChild(Object.assign(document.createElement("button"), { type: "button", hidden: true }));
     this.back.textContent = "show all";
-    this.told = figure.appendChild(Object.assign(document.createElement("span"), { className: "told" }));
+    this.readout = new Readout(this, figure);
     this.back.addEventListener("click", () => { this.all(); svg.focus(); });
     svg.addEventListener("dblclick", () => this.all());
     svg.addEventListener("keydown", (event) => this.key(event));
     svg.addEventListener("pointerdown", (event) => this.press(event));
     svg.addEventListener("pointermove", (event) => this.move(event));
     svg.addEventListener("pointerup", (event) => this.release(event));
-    for (const name of ["pointercancel", "pointerleave"]) svg.addEventListener(name, () => this.forget());
+    svg.addEventListener("pointercancel", () => this.forget());
+    svg.addEventListener("pointerleave", (event) => { this.forget(); if (event.pointerType !== "touch") this.read(null); });
+    svg.addEventListener("blur", () => this.read(null));
   }
   get peers() { return this.linked ? plots.filter((one) => one.linked && one.section === this.section) : [this]; }
   draw() {
@@ -42,6 +44,18 @@ class Plot {
       plot.draw();
     }
   }
+  // Show the values at a place along x, here and in all plots that hang together; null: nowhere.
+  read(x) {
+    this.cursor = x;
+    for (const plot of this.peers) {
+      if (x === null || !plot.svg.checkVisibility()) plot.readout.hide();
+      else plot.readout.show(x);
+    }
+  }
+  step(by) {
+    const { view: [from, to], size } = this.planes[0].sides[0];
+    this.read(Math.min(to, Math.max(from, (this.cursor ?? (from + to) / 2) + by * size)));
+  }
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const plane = this.planes[0], sides = this.linked ? [0] : [0, 1];
@@ -53,6 +67,7 @@ class Plot {
     if (key === "+" || key === "=") sides.forEach((k) => by(k, 0.6, 0));
     else if (key === "-") sides.forEach((k) => by(k, 1 / 0.6, 0));
     else if (key === "0" || key === "Escape") this.all();
+    else if (event.shiftKey && (key === "ArrowLeft" || key === "ArrowRight")) this.step(key === "ArrowLeft" ? -0.01 : 0.01);
     else if (key === "ArrowLeft" || key === "ArrowRight") by(0, 1, key === "ArrowLeft" ? -0.2 : 0.2);
     else if ((key === "ArrowUp" || key === "ArrowDown") && !this.linked) by(1, 1, key === "ArrowDown" ? -0.2 : 0.2);
     else return;
@@ -66,6 +81,7 @@ class Plot {
     const at = this.point(event), plane = this.planes.find((one) => one.holds(...at));
     if (!plane || event.button) return;
     this.start = { plane, at };
+    this.move(event);
     this.svg.setPointerCapture(event.pointerId);
   }
   // What a drag marks: [from, to] of x and y, all of a side along which it moved little.
@@ -80,8 +96,7 @@ class Plot {
   }
   move(event) {
     const at = this.point(event), plane = this.planes.find((one) => one.holds(...at));
-    this.told.textContent = !plane ? "" : plane.sides.filter((side) => !side.fixed)
-      .map((side, k) => `${written(side.value(side.at(at[k])), 3)} ${side.unit}`.trim()).join(", ");
+    this.read(plane && !plane.sides[0].fixed ? plane.sides[0].at(at[0]) : null);
     if (!this.start) return;
     const [[[left, right]], [[top, bottom]]] = this.marked(event);
     this.frame ??= this.svg.appendChild(document.createElementNS(this.svg.namespaceURI, "rect"));
@@ -99,7 +114,6 @@ class Plot {
   forget() {
     this.frame?.remove();
     this.frame = this.start = null;
-    this.told.textContent = "";
   }
 }
 

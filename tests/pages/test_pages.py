@@ -357,7 +357,7 @@ ZOOMED = """
   const before = curves(), wide = texts().map((one) => one.textContent);
   for (let k = 0; k < 6; k++) press("+");
   const narrow = texts().map((one) => one.textContent), during = curves();
-  const buttons = [...document.querySelectorAll("figure > button")].filter((one) => !one.hidden).length;
+  const buttons = [...document.querySelectorAll("figure > button")].filter((one) => one.checkVisibility()).length;
   press("0");
   return { wide, narrow, moved: before !== during, buttons, back: texts().map((one) => one.textContent).join() === wide.join() };
 """

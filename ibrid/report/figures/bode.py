@@ -81,15 +81,15 @@ def line_frequency(
 
 
 def bode_svgs(
-    shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True
+    shown: Sequence[Curves], name: str, label: str, *, zoom: bool = True, letter: str = "Y"
 ) -> dict[str, Markup]:
     """The four entries drawn; `name` : of this group; `label` : goes on after "Bode plot of Y_dd".
 
-    zoom : False where no script runs, in notebooks.
+    zoom : False where no script runs, in notebooks. letter : of what is drawn.
     """
     drawings = {
         f"{name}-{entry}": (
-            f"Bode plot of Y_{entry}{label}",
+            f"Bode plot of {letter}_{entry}{label}",
             lambda axes, entry=entry: draw_bode(axes, entry, shown),
         )
         for entry in ENTRIES
@@ -103,6 +103,46 @@ def bode_svgs(
     )
 
 
+def impedance_svgs(shown: Sequence[Curves], name: str, label: str) -> dict[str, Markup] | None:
+    """The same of the impedance Z = Y^-1; None where no curve has one."""
+    inverse = [curve for curve in map(impedance_of, shown) if curve is not None]
+    return bode_svgs(inverse, name, label, letter="Z") if inverse else None
+
+
+def impedance_of(curves: Curves) -> Curves | None:
+    """Curves of Z = Y^-1 at the frequencies at which Y is regular; None where there are none.
+
+    Deviations to first order: dZ = -Z dY Z, so that the variance of Z_ij is the sum of
+    |Z_ik|^2 var(Y_kl) |Z_lj|^2 over independent entries.
+    """
+    measured, frequency, model = curves.measured, curves.frequency, curves.model
+    if measured is not None:
+        regular = _regular(measured.admittance)
+        measured = _inverse_point(measured, regular) if regular.any() else None
+    if model is not None and frequency is not None:
+        regular = _regular(model)
+        frequency = frequency[regular] if regular.any() else None
+        model = np.linalg.inv(model[regular]) if regular.any() else None
+    if measured is None and model is None:
+        return None
+    return Curves(curves.name, curves.index, measured, frequency, model)
+
+
+def _regular(admittance: np.ndarray) -> np.ndarray:
+    """(N,) where an inverse means something."""
+    return np.linalg.cond(admittance) < 1 / ROUNDING
+
+
+def _inverse_point(point: PointSweep, regular: np.ndarray) -> PointSweep:
+    impedance = np.linalg.inv(point.admittance[regular])
+    sigma = None
+    if point.sigma is not None:
+        weight = np.abs(impedance) ** 2
+        sigma = np.sqrt(weight @ point.sigma[regular] ** 2 @ weight)
+    frequency = point.frequency[regular]
+    return PointSweep(point.op, frequency, impedance, sigma, predicted=point.predicted)
+
+
 def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None:
     """Magnitude (per unit) above phase (degrees) of one entry, dots measured, lines the model."""
     magnitude, phase = axes
@@ -112,22 +152,23 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
         (float(np.abs(array).max(initial=0.0)) for array in _arrays(shown)), default=0.0
     )
     drawn = False
+    several = sum(curve.measured is not None for curve in shown) > 1
     for curve in shown:
         colour, marker, dashes = series(curve.index)
         if curve.measured is not None:
-            drawn |= _dots(
-                axes, curve.measured, entry, floor, start, {"color": colour, "marker": marker}
-            )
+            look = {"color": colour, "marker": marker}
+            look["label"] = f"{curve.name}, measured" if several else "measured"
+            drawn |= _dots(axes, curve.measured, entry, floor, start, look)
         if curve.model is not None and curve.frequency is not None:
             line = curve.model[place]
             size = np.where(np.abs(line) > floor, np.abs(line), np.nan)
             if np.isfinite(size).any():
                 drawn = True
-                magnitude.plot(curve.frequency, size, color=colour, linestyle=dashes, linewidth=1.5)
+                look = {"color": colour, "linestyle": dashes, "linewidth": 1.5}
+                look["label"] = curve.name
+                magnitude.plot(curve.frequency, size, **look)
                 angle = np.where(np.isfinite(size), _wrapped(line, start), np.nan)
-                phase.plot(
-                    *_broken(curve.frequency, angle), color=colour, linestyle=dashes, linewidth=1.5
-                )
+                phase.plot(*_broken(curve.frequency, angle), **look)
                 if curve.half_width is not None:
                     _shade(
                         magnitude,

@@ -256,6 +256,7 @@ def draw_entry(axes: Sequence[Axes], entry: str, shown: PointView) -> None:
             "linestyle": dashes,
             "marker": marker,
             "markersize": 3.0,
+            "label": line.name,
         }
         distance.plot(frequency, np.maximum(size, low), linewidth=1.1, **look)
     distance.set(yscale="log", ylim=(low, high), ylabel="distance  (pu)", xlabel="frequency  (Hz)")

@@ -16,7 +16,15 @@ from typing import TYPE_CHECKING, Any
 from markupsafe import Markup
 
 from ibrid.lazy import MATPLOTLIB, without_settings
-from ibrid.report.look.style import INK, MUTED, RULE, STAND_INS, plain_decades, unit_of
+from ibrid.report.look.style import (
+    INK,
+    MUTED,
+    RULE,
+    STAND_INS,
+    draw_minor_grid,
+    plain_decades,
+    unit_of,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -109,12 +117,15 @@ def inline_svgs(
                 _empty(figure)
             draw(list(axes[:, 0]))
             plain_decades(*(axis for plane in figure.axes for axis in (plane.xaxis, plane.yaxis)))
+            named = [_name_curves(plane, number) for number, plane in enumerate(figure.axes)]
+            for plane in figure.axes:
+                draw_minor_grid(plane)
             buffer = io.StringIO()
             figure.savefig(
                 buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None}
             )
             attributes = f'role="img" aria-label="{escape(label)}"' + (
-                f" {zoom_attributes(figure)}" if zoom else ""
+                f" {zoom_attributes(figure, named)}" if zoom else ""
             )
             pictures.append(_for_page(buffer.getvalue(), name, attributes))
     return pictures
@@ -169,7 +180,26 @@ def _for_page(text: str, name: str, attributes: str) -> Markup:
     return Markup(text.replace("<svg", f"<svg {attributes}", 1))
 
 
-SCRIPTS = ("plot_axes.js", "zoom.js", "diagram_zoom.js")
+def _name_curves(plane: "Axes", number: int) -> list[tuple[str, str]]:
+    """Give each curve with a label an id, by which its values can be read; (end of the id, label).
+
+    number : of the axes in their figure.
+    """
+    from matplotlib.container import ErrorbarContainer
+
+    shown = [(line, str(line.get_label())) for line in plane.lines]
+    with_bars = [one for one in plane.containers if isinstance(one, ErrorbarContainer)]
+    shown += [(one.lines[0], str(one.get_label())) for one in with_bars if one.lines[0]]
+    labelled = [(line, label) for line, label in shown if label and label[0] != "_"]
+    named = []
+    for index, (line, label) in enumerate(labelled):
+        end = f"curve-{number}-{index}"
+        line.set_gid(end)
+        named.append((end, label))
+    return named
+
+
+SCRIPTS = ("plot_axes.js", "readout.js", "zoom.js", "units.js", "diagram_zoom.js")
 #: Units of an SVG drawing per inch.
 PER_INCH = 72.0
 
@@ -190,19 +220,19 @@ def content_policy() -> str:
     )
 
 
-def zoom_attributes(figure: "Figure") -> str:
+def zoom_attributes(figure: "Figure", named: Sequence[Sequence[tuple[str, str]]]) -> str:
     """Attributes of a drawn figure's <svg> that say where its axes lie and what they show; after it
     was drawn.
 
     Both ends of logarithmic and linear scales; any other scale stays as it is. Figures over
-    frequency are linked.
+    frequency are linked. named : for each of the axes, (end of the id, name) of its curves.
     """
     width, height = PER_INCH * figure.get_size_inches()
     unit = next(
         filter(None, (unit_of(axes.xaxis) for axes in figure.axes)), ""
     )  # below the lowest axes alone
     views = []
-    for axes in figure.axes:
+    for axes, curves in zip(figure.axes, named, strict=True):
         place = axes.get_position()
         box = [
             place.x0 * width,
@@ -215,6 +245,7 @@ def zoom_attributes(figure: "Figure") -> str:
                 "box": [round(one, 3) for one in box],
                 "x": _side(axes.xaxis, unit),
                 "y": _side(axes.yaxis, unit_of(axes.yaxis)),
+                "curves": curves,
             }
         )
     linked = (

@@ -5,6 +5,8 @@ import re
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from ibrid.report.look.numbers import number
 
 if TYPE_CHECKING:
@@ -165,6 +167,48 @@ def plain_decades(*drawn: Axis) -> None:
                 )
             else:
                 axis.set_minor_locator(NullLocator())
+
+
+#: Units of 1/72 inch that a decade needs for lines at 2 to 9, and at 2 and 5 alone.
+ROOM, LITTLE_ROOM = 45.0, 18.0
+
+
+def draw_minor_grid(plane: Axes) -> None:
+    """Draw faint lines between the decades of logarithmic axes, as on logarithmic paper.
+
+    One path for each axis; it keeps the limits, and is drawn after everything else is.
+    """
+    from matplotlib.lines import Line2D
+
+    place, figure = plane.get_position(), plane.get_figure(root=True)
+    if figure is None:
+        return
+    width, height = (72.0 * length for length in figure.get_size_inches())
+    sides = (
+        (plane.xaxis, width * place.width, plane.get_xaxis_transform()),
+        (plane.yaxis, height * place.height, plane.get_yaxis_transform()),
+    )
+    for axis, length, across in sides:
+        places = _between_decades(axis, length)
+        if not places:
+            continue
+        along, ends = np.repeat(places, 3), np.tile([0.0, 1.0, np.nan], len(places))
+        line = along, ends
+        x, y = line if axis is plane.xaxis else line[::-1]
+        look = {"color": RULE, "linewidth": 0.5, "alpha": 0.55, "zorder": 0.4}
+        plane.add_artist(Line2D(x, y, transform=across, **look))
+
+
+def _between_decades(axis: Axis, length: float) -> list[float]:
+    """Where lines between the decades go; none where they would be too close."""
+    low, high = axis.get_view_interval()
+    if axis.get_scale() != "log" or not 0 < low < high:
+        return []
+    room = length / math.log10(high / low)
+    leading = range(2, 10) if room >= ROOM else (2, 5) if room >= LITTLE_ROOM else ()
+    decades = range(math.floor(math.log10(low)), math.ceil(math.log10(high)))
+    places = [digit * 10.0**decade for decade in decades for digit in leading]
+    return [place for place in places if low < place < high]
 
 
 def unit_of(axis: Axis) -> str:

@@ -20,10 +20,11 @@ from ibrid.measurement.recordings.fixed_steps import in_fixed_steps
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.playback.compare import model_of_record, play
 from ibrid.report.block_diagrams.block_diagram import Shown, drawn_diagrams, readable
+from ibrid.report.facts.bases import admittance_base
 from ibrid.report.facts.modes import draw_poles, measured_up_to, modes, slowest
 from ibrid.report.facts.parameter_rows import parameter_groups, twin_rows, values_or_none
 from ibrid.report.facts.verdict import graded, stability, verdict, work_of
-from ibrid.report.figures.bode import bode_svgs, curves
+from ibrid.report.figures.bode import bode_svgs, curves, impedance_svgs
 from ibrid.report.look.figure import inline_svg
 from ibrid.report.pages.playback_page import facts_of_record, validation_facts
 from ibrid.report.pages.template import page
@@ -124,6 +125,8 @@ def _response_facts(record: Record, sweep: Sweep | None, name: str, zoom: bool) 
         ),
         "points": names,
         "bode": bode_svgs(shown, name, label, zoom=zoom),
+        "impedance": impedance_svgs(shown, f"{name}-z", label) if zoom else None,
+        "y_base": admittance_base(record),
         "sequences": () if measured is None else sequence_view(measured).sentences,
     }
 

@@ -11,6 +11,7 @@ from ibrid.analysis.models.loop_modes import loops_told
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.block_diagrams.block_diagram import readable
+from ibrid.report.facts.bases import admittance_base
 from ibrid.report.facts.parameter_rows import parameter_groups, twin_rows
 from ibrid.report.facts.verdict import graded, verdict
 from ibrid.report.pages.playback_page import facts_of_record
@@ -84,6 +85,7 @@ def run_html(run: RunData) -> str:
         "parameters": None if record is None else parameter_groups(record),
         "twins": () if record is None else twin_rows(record),
         "loops": () if record is None else loops_told(record),
+        "y_base": None if record is None else admittance_base(record),
         "fronts": [
             (name, front_svg(run, count, name)) for count, name in FRONTS if run.selection.front
         ],

@@ -10,7 +10,8 @@ from ibrid.measurement.quality.event_inspection import EventsInspection
 from ibrid.measurement.quality.inspection_table import format_events_inspection, format_inspection
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.own_files import writing_as
-from ibrid.report.figures.bode import Curves, bode_svgs
+from ibrid.report.facts.bases import admittance_base
+from ibrid.report.figures.bode import Curves, bode_svgs, impedance_svgs
 from ibrid.report.pages.page import record_facts
 from ibrid.report.pages.playback_page import facts_of_record
 from ibrid.report.pages.template import page
@@ -82,7 +83,13 @@ def _measured_alone(sweep: Sweep | None) -> dict[str, Any]:
         Curves(point.op.name, index, point, None, None) for index, point in enumerate(sweep.points)
     ]
     label = f", magnitude and phase over frequency, at {', '.join(sweep.names)}."
-    return {"doubts": [], "points": list(sweep.names), "bode": bode_svgs(dots, "bode", label)}
+    return {
+        "doubts": [],
+        "points": list(sweep.names),
+        "bode": bode_svgs(dots, "bode", label),
+        "impedance": impedance_svgs(dots, "bode-z", label),
+        "y_base": admittance_base(sweep),
+    }
 
 
 def suggest_commands(

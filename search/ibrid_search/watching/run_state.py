@@ -28,7 +28,17 @@ from ibrid_search.step import Step, line
 #: Candidates that a page draws; of more, the best and their ancestors.
 DRAWN = 400
 #: What a summary keeps of the state of a run.
-_SUMMED = ("name", "started", "ending", "running", "stopping", "budget", "evaluations", "seconds")
+_SUMMED = (
+    "name",
+    "started",
+    "ending",
+    "running",
+    "stopping",
+    "budget",
+    "evaluations",
+    "seconds",
+    "seconds_left",
+)
 
 
 def run_state(folder: Path) -> dict[str, Any]:
