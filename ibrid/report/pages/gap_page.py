@@ -22,6 +22,7 @@ from ibrid.report.facts.gap_words import (
     of_forms_alone,
     parameter_words,
 )
+from ibrid.report.facts.left_over import left_by_gap
 from ibrid.report.facts.parameter_rows import parameter_groups, values_or_none
 from ibrid.report.facts.verdict import stability
 from ibrid.report.figures.bode import bode_svgs
@@ -76,6 +77,7 @@ def gap_page(gap: Gap) -> str:
     details = {
         "sequences": sequence_view(gap.sweep).sentences,
         "stability": stability(gap.repaired),
+        "left": left_by_gap(gap),
         "error_parts": errors_by_part(views),
         "best": best,
         "best_change": () if best is None else difference(gap.given, best.program, AROUND),

@@ -21,6 +21,7 @@ from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.playback.compare import model_of_record, play
 from ibrid.report.block_diagrams.block_diagram import Shown, drawn_diagrams, readable
 from ibrid.report.facts.bases import admittance_base
+from ibrid.report.facts.left_over import left_by_record
 from ibrid.report.facts.modes import draw_poles, measured_up_to, modes, slowest
 from ibrid.report.facts.parameter_rows import parameter_groups, twin_rows, values_or_none
 from ibrid.report.facts.verdict import graded, stability, verdict, work_of
@@ -98,6 +99,7 @@ def record_facts(
         if diagram is None
         else drawn_diagrams([Shown("", diagram, values=values_or_none(record))], record.vocabulary),
         "loops": loops_told(record),
+        "left": left_by_record(record),
         "parameters": parameter_groups(record),
         "twins": twin_rows(record),
         "settings": [

@@ -11,13 +11,14 @@ from ibrid.gap.answers.verdict import FAR
 from ibrid.measurement.quality.sequence_view import sequence_view
 from ibrid.measurement.sweeps.quantities import span
 from ibrid.report.facts.gap_words import change_words, far, moved_interval, parameter_words
+from ibrid.report.facts.left_over import left_by_gap
 from ibrid.report.figures.gap_curves import closed, repaired
 from ibrid.report.look.numbers import error, number, percent
 from ibrid.report.texts.text import table
 
 WIDTH, INDENT = 96, 12
 #: Lines that effects take at most, and how many are listed of everything else.
-EFFECT_LINES, PARTS, PORTS, MOVED = 12, 3, 3, 3
+EFFECT_LINES, PARTS, PORTS, MOVED, MEASURED = 12, 3, 3, 3, 3
 
 
 @controls_shown
@@ -51,6 +52,7 @@ def gap_text(gap: Gap, folder: str | Path | None = None) -> str:
                 "grade", f"{gap.repaired.grade}, of the {model} model" if gap.repaired.grade else ""
             ),
             *_entry("to do", gap.convention.remedy, 3),
+            *_measure(gap),
         ],
     ]
     if folder is not None:
@@ -129,6 +131,13 @@ def _ports(gap: Gap) -> Iterator[str]:
         )
     elif gap.ports and gap.verdict != "data-convention":
         yield from _entry("place", "no single place explains it all")
+
+
+def _measure(gap: Gap) -> Iterator[str]:
+    """What to measure where something has no name; the page says all of it."""
+    left = left_by_gap(gap)
+    for place, words in enumerate(() if left is None else left.measure[:MEASURED]):
+        yield from _entry("" if place else "measure", words, 2)
 
 
 def _suggested(gap: Gap) -> Iterator[str]:

@@ -11,6 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.foreign_text import controls_shown
 from ibrid.measurement.sweeps.quantities import counted, hertz
 from ibrid.measurement.sweeps.sweep import ENTRIES
+from ibrid.report.facts.left_over import LeftOver, left_by_record
 from ibrid.report.facts.modes import ROUNDING, measured_up_to, modes, slowest
 from ibrid.report.facts.parameter_rows import SHARED, ParameterRow, parameter_rows
 from ibrid.report.facts.validation_rows import rows_of, validation_sentence
@@ -35,6 +36,8 @@ def format_record(record: Record) -> str:
     )
     if record.nrmse_by_part:
         parts += [_errors(record), *_parts(record)]
+    if (left := left_by_record(record)) is not None:
+        parts.append(left_over_lines(left))
     if record.nrmse_by_record:
         parts.append([*_events(record), *validation_lines(record.validation)])
     if record.parameters:
@@ -44,6 +47,22 @@ def format_record(record: Record) -> str:
     parts.append(listed("what the data say about the parameters", record.identifiability))
     parts.append(listed("warnings", record.warnings))
     return "\n\n".join("\n".join(part) for part in parts if part) + "\n"
+
+
+#: Places that are listed in a text; a page has more.
+LEFT = 5
+
+
+def left_over_lines(left: LeftOver) -> list[str]:
+    """What a model leaves, where, what could explain it and what to measure."""
+    more = len(left.places) - LEFT
+    places = [place.words for place in left.places[:LEFT]]
+    return [
+        *wrapped(left.amount, ""),
+        *listed("where it is left", [*places, *([f"{more} more places"] if more > 0 else [])]),
+        *listed("what could explain it", left.causes),
+        *listed("what to measure", left.measure),
+    ]
 
 
 def _head(record: Record) -> Iterator[str]:

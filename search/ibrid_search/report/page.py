@@ -12,6 +12,7 @@ from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.block_diagrams.block_diagram import readable
 from ibrid.report.facts.bases import admittance_base
+from ibrid.report.facts.left_over import left_by_record
 from ibrid.report.facts.parameter_rows import parameter_groups, twin_rows
 from ibrid.report.facts.verdict import graded, verdict
 from ibrid.report.pages.playback_page import facts_of_record
@@ -85,6 +86,7 @@ def run_html(run: RunData) -> str:
         "parameters": None if record is None else parameter_groups(record),
         "twins": () if record is None else twin_rows(record),
         "loops": () if record is None else loops_told(record),
+        "left": None if record is None else left_by_record(record),
         "y_base": None if record is None else admittance_base(record),
         "fronts": [
             (name, front_svg(run, count, name)) for count, name in FRONTS if run.selection.front
