@@ -27,7 +27,7 @@ if TYPE_CHECKING:  # the same names for type checkers, which a test compares
     from ibrid.export.formats import export
     from ibrid.export.nonlinear_model import nonlinear_model
     from ibrid.fit.settings import FitSettings
-    from ibrid.gap.recordings.joint_fit import evaluate_events
+    from ibrid.gap.recordings.event_evaluation import evaluate_events
     from ibrid.gap.workflow import find_gap
     from ibrid.generic.fitting import generic_model
     from ibrid.measurement.formats.csv_file import write_sweep
@@ -123,7 +123,7 @@ HOMES = {
     "compare": "ibrid.structure.comparison.compare",
     "Diagram": "ibrid.structure.diagrams.diagram",
     "evaluate": "ibrid.evaluation.evaluate",
-    "evaluate_events": "ibrid.gap.recordings.joint_fit",
+    "evaluate_events": "ibrid.gap.recordings.event_evaluation",
     "Events": "ibrid.measurement.recordings.events",
     "examples": "ibrid.plants.benchmarks",
     "export": "ibrid.export.formats",

@@ -32,8 +32,8 @@ PARTS = {
 #: is written with.
 FURTHER = {
     "ibrid.gap": (
-        "ibrid.gap.answers.result.Gap",
-        "ibrid.gap.answers.result.NamedEffect",
+        "ibrid.gap.results.gap.Gap",
+        "ibrid.gap.results.gap.NamedEffect",
     ),
     "ibrid.testing": ("ibrid.testing.check_proposer",),
     "ibrid_search": (

@@ -12,7 +12,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings, fit_settings
-from ibrid.gap.recordings.joint_fit import evaluate_events
+from ibrid.gap.recordings.event_evaluation import evaluate_events
 from ibrid.gap.refitting.prior import read_values
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep

@@ -17,8 +17,8 @@ from ibrid.streams import complain
 from ibrid.writing import inside, require_folder, write_whole
 
 if TYPE_CHECKING:
-    from ibrid.gap.answers.result import Gap
-    from ibrid.gap.answers.suggesting import Suggest
+    from ibrid.gap.results.gap import Gap
+    from ibrid.gap.results.suggested_edits import Suggest
     from ibrid.measurement.recordings.events import Events
     from ibrid.measurement.sweeps.sweep import Sweep
     from ibrid.telling import Tell
@@ -28,8 +28,8 @@ def run(arguments: Namespace) -> int:
     """Answer, write the files, print the answer; 0: any verdict, 3: the effort was spent before
     everything was tried.
     """
-    from ibrid.gap.answers.files import PAGE, write_gap
     from ibrid.gap.refitting.prior import read_values
+    from ibrid.gap.results.files import PAGE, write_gap
     from ibrid.report.pages.gap_page import gap_page
     from ibrid.report.texts.gap_text import gap_text
     from ibrid.telling import telling
@@ -62,7 +62,7 @@ def _answer(
     suggest: "tuple[Suggest, ...]",
     tell: "Tell",
 ) -> "Gap":
-    from ibrid.gap.answers.files import write_partial
+    from ibrid.gap.results.files import write_partial
     from ibrid.gap.workflow import find_gap
     from ibrid.plugins import extended_catalogue
 
@@ -90,7 +90,7 @@ def _answer(
             "events are compared with a program or a record; a simulated sweep says nothing of "
             "limits"
         )
-    from ibrid.gap.answers.simulated import differences, identify
+    from ibrid.gap.results.simulated_sweep import differences, identify
     from ibrid.measurement.sweeps.quantities import span
 
     simulated = inputs.data(arguments.model)
@@ -106,7 +106,7 @@ def _answer(
 
 
 def _suggest(arguments: Namespace) -> "tuple[Suggest, ...]":
-    from ibrid.gap.answers.suggesting import low_order_blocks
+    from ibrid.gap.results.suggested_edits import low_order_blocks
 
     if arguments.suggest is None:
         if arguments.models:
@@ -128,7 +128,7 @@ def _folder(arguments: Namespace) -> Path:
 
     Nothing is made yet.
     """
-    from ibrid.gap.answers.files import FILES
+    from ibrid.gap.results.files import FILES
 
     if not arguments.out.strip():
         raise IbridError("--out needs a folder, found an empty name; write . for the current one")

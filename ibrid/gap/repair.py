@@ -13,8 +13,11 @@ import numpy as np
 from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.grade import CLOSE as CLOSE_TO_NOISE
 from ibrid.evaluation.reading import is_usual
-from ibrid.gap.answers.watching import ProgressReporter
+from ibrid.gap.datasets.dataset import Dataset
+from ibrid.gap.delay_forms import fit_other_delay_forms
+from ibrid.gap.edit_removal import drop_lost_forms, refit_without_edit
 from ibrid.gap.ports.port_map import PortFit
+from ibrid.gap.progress import ProgressReporter
 from ibrid.gap.refitting.model import (
     Model,
     estimate_noise_scale,
@@ -25,9 +28,6 @@ from ibrid.gap.refitting.model import (
     rank_by_bic,
     removes_implausible_parameter,
 )
-from ibrid.gap.trials.data import Dataset
-from ibrid.gap.trials.delay_forms import fit_other_delay_forms
-from ibrid.gap.trials.leaving_out import drop_lost_forms, refit_without_edit
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.network.outside import LABEL

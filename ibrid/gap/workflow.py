@@ -11,19 +11,16 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
-from ibrid.gap.amplitudes.amplitudes import AmplitudeDataset
-from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData, amplitude_data
-from ibrid.gap.answers.amplitude_answer import Nonlinear, alone, beside, unnamed
-from ibrid.gap.answers.answer import answer_of
-from ibrid.gap.answers.event_answer import event_answer
-from ibrid.gap.answers.result import AmplitudeAnswer, Gap
-from ibrid.gap.answers.suggesting import Suggest, low_order_blocks
-from ibrid.gap.answers.verdict import Findings, relative_misfit, verdict_of
-from ibrid.gap.answers.watching import ProgressReporter
+from ibrid.gap.amplitudes.amplitude_data import AmplitudeData, amplitude_data
+from ibrid.gap.amplitudes.amplitude_dataset import AmplitudeDataset
+from ibrid.gap.budget import Budget
+from ibrid.gap.datasets.dataset import Dataset
+from ibrid.gap.datasets.sweep_dataset import TRIAL_DRAWS, SweepDataset
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.recordings.event_question import NO_REST, EventProblem, build_event_problem
-from ibrid.gap.recordings.records import EventDataset
-from ibrid.gap.refitting.held_out import predicts_no_worse
+from ibrid.gap.progress import ProgressReporter
+from ibrid.gap.recordings.event_dataset import EventDataset
+from ibrid.gap.recordings.event_problem import NO_REST, EventProblem, build_event_problem
+from ibrid.gap.refitting.cross_validation import predicts_no_worse
 from ibrid.gap.refitting.model import (
     Model,
     Values,
@@ -32,7 +29,7 @@ from ibrid.gap.refitting.model import (
     rank_by_bic,
 )
 from ibrid.gap.refitting.noise import Noise, estimate_noise
-from ibrid.gap.refitting.prior import Nominal, Prior, prior_of, values_of
+from ibrid.gap.refitting.prior import Nominal, Prior, build_prior, fitted_values
 from ibrid.gap.repair import (
     RepairState,
     eliminate_backward,
@@ -40,9 +37,12 @@ from ibrid.gap.repair import (
     rank_first_trials,
     repair,
 )
-from ibrid.gap.trials.budget import Budget
-from ibrid.gap.trials.data import Dataset
-from ibrid.gap.trials.trial import TRIAL_DRAWS, SweepDataset
+from ibrid.gap.results.amplitude_gap import Nonlinear, alone, beside, unnamed
+from ibrid.gap.results.event_gap import event_answer
+from ibrid.gap.results.gap import AmplitudeDependence, Gap
+from ibrid.gap.results.suggested_edits import Suggest, low_order_blocks
+from ibrid.gap.results.sweep_gap import build_sweep_gap
+from ibrid.gap.results.verdict import Findings, decide_verdict, relative_misfit
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.recordings.events import Events
@@ -100,7 +100,7 @@ def find_gap(
         "plain", "notebook", "silent"; or a function of (words, share).
     effort : str
         "low", "normal" or "high": experiments after which nothing new is tried
-        (`ibrid.gap.trials.budget.EXPERIMENTS`). The answer is then the best so far, `complete` is
+        (`ibrid.gap.budget.EXPERIMENTS`). The answer is then the best so far, `complete` is
         False, and it excludes nothing.
     so_far : Callable
         Is given the answer so far every 10 s.
@@ -129,7 +129,7 @@ def find_gap(
     if isinstance(sweep, Study) and sweep.events is not None:
         raise IbridError("a study of records alone has no admittances; give its records as events")
     if isinstance(diagram, Record):
-        values = values or values_of(diagram)
+        values = values or fitted_values(diagram)
         diagram = diagram.diagram
     if sweep is None:
         raise IbridError("a gap is sought in a sweep, in events, or in both; found neither")
@@ -144,7 +144,7 @@ def find_gap(
     require_legal(diagram, study.kinds, equilibrium="exact")
     diagram = study.placed(diagram)
     wiring = wire(diagram, study.kinds)
-    prior = prior_of(values or {}, wiring, parameter_table(wiring, "exact"))
+    prior = build_prior(values or {}, wiring, parameter_table(wiring, "exact"))
     gate = linearity(study.fitted)
     budget = Budget(effort)
     with telling(progress) as tell:
@@ -202,7 +202,7 @@ def _verify_sampling_noise(
     takes its place.
     """
     fitter = data.fitter
-    if verdict_of(findings) != "named" or not data.is_refuted_by_own_noise(findings.best):
+    if decide_verdict(findings) != "named" or not data.is_refuted_by_own_noise(findings.best):
         return findings
     rivals = data.rivals(findings.given, findings.best)
     best = next((one for one in rivals if one.is_adequate() and data.is_stable(one)), None)
@@ -295,7 +295,7 @@ class _GapProblem:
             return event_answer(findings, data, self.events)
         assert isinstance(data, SweepDataset), "amplitudes are answered by `_find_amplitude_gap`"
         study = self.study
-        return answer_of(
+        return build_sweep_gap(
             findings, data, self.diagram, study.sweep, study.held, self.values, suggest
         )
 
@@ -318,7 +318,7 @@ def _find_sweep_gap(problem: _GapProblem) -> Gap:
             "base"
         )
     findings, dataset = result
-    is_unexplained = verdict_of(findings) == "unexplained"
+    is_unexplained = decide_verdict(findings) == "unexplained"
     if noise.known and is_unexplained and not problem.budget.is_exhausted():
         model_error = noise.with_model_error(relative_misfit(findings.best))
         loose = _find_with_noise(problem, model_error) or result
@@ -362,7 +362,7 @@ def _find_amplitude_gap(problem: _GapProblem, gate: Linearity) -> Gap:
     sweep = problem.study.sweep
     small = small_signal(sweep, gate)
     kept = 0 if small is None else min(len(point.frequency) for point in small.points)
-    answer = AmplitudeAnswer(gate, kept)
+    answer = AmplitudeDependence(gate, kept)
     if not len(gate.refused) and small is not None:
         gap = _find_sweep_gap(problem.with_sweep(small))
         return replace(gap, sentence=f"{gap.sentence} {gate.sentence}", amplitude=answer)
@@ -392,7 +392,7 @@ def _find_amplitude_gap(problem: _GapProblem, gate: Linearity) -> Gap:
 
 
 def _find_nonlinearity(
-    problem: _GapProblem, diagram: Diagram, data: AmplitudeData, gate: AmplitudeAnswer
+    problem: _GapProblem, diagram: Diagram, data: AmplitudeData, gate: AmplitudeDependence
 ) -> Nonlinear | None:
     """Find a nonlinearity of a linear model in all amplitudes; None where that has no response."""
     study = problem.study

@@ -25,7 +25,7 @@ from ibrid.analysis.models.prediction import Prediction, predict
 from ibrid.analysis.models.residuals import Residuals
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.gap.answers.result import Gap
+from ibrid.gap.results.gap import Gap
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
 from ibrid.report.figures.bode import Curves, curves, draw_bode

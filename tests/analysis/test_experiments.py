@@ -20,7 +20,7 @@ from ibrid.analysis.new_data.experiments import (
 from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.gap.recordings.joint_fit import evaluate_events
+from ibrid.gap.recordings.event_evaluation import evaluate_events
 from ibrid.plants.sweeping import operating_point, plant_named
 from ibrid.playback.compare import model_of_record, play
 from ibrid.playback.recording import event_of, record_events

@@ -19,8 +19,8 @@ from ibrid_bench.gap.misses import miss, said
 from ibrid_bench.gap.scoring import Row
 from ibrid_bench.gap.trials import Trial, design, shares
 
-from ibrid.gap.answers.files import gap_json
 from ibrid.gap.refitting.prior import read_values
+from ibrid.gap.results.files import gap_json
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.read import read_sweep
 from ibrid.structure.diagrams.program import read_program

@@ -8,7 +8,7 @@ from fitted import benchmark, evaluated
 
 import ibrid
 from ibrid.evaluation.grade import Grade, grade_of, misfit_of
-from ibrid.gap.recordings.event_record import grade_of_records
+from ibrid.gap.recordings.evaluation_record import grade_recordings
 from ibrid.measurement.sweeps.sweep import PointSweep
 from ibrid.report.facts.verdict import verdict
 from ibrid.report.texts.text import format_record
@@ -84,12 +84,12 @@ def test_data_of_unknown_noise_are_judged_by_a_ten_thousandth_of_their_size():
 
 @pytest.mark.slow
 def test_a_model_of_records_that_is_worse_than_none_fails_however_large_its_floor():
-    assert grade_of_records(2.0, 8.0, adequate=True) == Grade.FAILS
-    assert grade_of_records(2.0, 8.0, adequate=False) == Grade.FAILS
-    assert grade_of_records(0.3, 0.36, adequate=True) == Grade.EXPLAINS
-    assert grade_of_records(0.3, 0.2, adequate=False) == Grade.CLOSE
-    assert grade_of_records(0.09, 0.01, adequate=False) == Grade.ROUGH
-    assert grade_of_records(0.3, 0.01, adequate=False) == Grade.FAILS
+    assert grade_recordings(2.0, 8.0, adequate=True) == Grade.FAILS
+    assert grade_recordings(2.0, 8.0, adequate=False) == Grade.FAILS
+    assert grade_recordings(0.3, 0.36, adequate=True) == Grade.EXPLAINS
+    assert grade_recordings(0.3, 0.2, adequate=False) == Grade.CLOSE
+    assert grade_recordings(0.09, 0.01, adequate=False) == Grade.ROUGH
+    assert grade_recordings(0.3, 0.01, adequate=False) == Grade.FAILS
 
 
 def test_text_leads_with_the_grade_and_never_says_ok():

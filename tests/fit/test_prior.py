@@ -15,7 +15,7 @@ from ibrid.gap.refitting.prior import (
     RATIO_LIMIT,
     NominalValue,
     ParameterPrior,
-    prior_of,
+    build_prior,
     read_values,
 )
 from ibrid.measurement.sweeps.noise import add_noise
@@ -71,7 +71,7 @@ def test_what_went_far_from_its_nominal_value_is_put_back_and_nothing_else():
 
 def believed(program: str, values) -> dict[str, NominalValue]:
     wiring = wire(parse_program(program), VOCABULARY)
-    return prior_of(values, wiring, parameter_table(wiring, "exact"))
+    return build_prior(values, wiring, parameter_table(wiring, "exact"))
 
 
 #: Its loops of p and q share "power.kP".
@@ -177,7 +177,7 @@ def test_the_penalty_has_the_gradient_of_finite_differences():
     names = [one.name for one in problem.numbers]
     table = parameter_table(wiring, "exact")
     beliefs = ParameterPrior(
-        model.parameters, prior_of({names[0]: 0.2, names[-1]: 3.0}, wiring, table)
+        model.parameters, build_prior({names[0]: 0.2, names[-1]: 3.0}, wiring, table)
     )
     penalised = Misfit(problem, "chi2", beliefs)
     x = beliefs.start({}) + 0.1

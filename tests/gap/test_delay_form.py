@@ -10,8 +10,8 @@ import pytest
 
 import ibrid
 from ibrid.evaluation.evaluate import record_at
-from ibrid.gap.answers.files import gap_json
-from ibrid.gap.answers.result import Gap
+from ibrid.gap.results.files import gap_json
+from ibrid.gap.results.gap import Gap
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions

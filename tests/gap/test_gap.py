@@ -14,7 +14,7 @@ import ibrid
 from ibrid.analysis.models.prediction import predict
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.refitting.held_out import ValidationErrors, predicts_no_worse
+from ibrid.gap.refitting.cross_validation import ValidationErrors, predicts_no_worse
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.conventions.rotation import rotation

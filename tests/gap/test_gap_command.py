@@ -10,7 +10,7 @@ import pytest
 from made_gap import made
 
 from ibrid.cli import main
-from ibrid.gap.answers.result import Gap
+from ibrid.gap.results.gap import Gap
 from ibrid.own_files import LIST
 from ibrid.structure.diagrams.library import textbook_text
 

@@ -10,8 +10,9 @@ import pytest
 from ibrid_bench.events.device import Device, simulate
 
 from ibrid.cli import main
-from ibrid.gap.answers import files, watching
-from ibrid.gap.answers.files import gap_json
+from ibrid.gap import progress
+from ibrid.gap.results import files
+from ibrid.gap.results.files import gap_json
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.read_events import read_events
 from ibrid.measurement.recordings.events import EventRecord, Events
@@ -86,7 +87,7 @@ def answered(tmp_path_factory):
         str(folder / "values.json"),
     ]
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(watching, "EVERY", 0.0)
+        patch.setattr(progress, "EVERY", 0.0)
         patch.setattr(
             files,
             "write_partial",

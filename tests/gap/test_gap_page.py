@@ -15,12 +15,12 @@ from sharing import shared
 
 from ibrid.errors import IbridError, OperatingPointError
 from ibrid.evaluation.evaluate import record_at
-from ibrid.gap.answers.files import gap_json
-from ibrid.gap.answers.result import Gap
 from ibrid.gap.ports.missing_transfer import missing_transfer as missing
 from ibrid.gap.ports.missing_transfer import port_curve
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.ports.ports import ports
+from ibrid.gap.results.files import gap_json
+from ibrid.gap.results.gap import Gap
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import insertions

@@ -7,9 +7,9 @@ from math import log
 import pytest
 
 import ibrid
+from ibrid.gap.datasets.sweep_dataset import SweepDataset
 from ibrid.gap.refitting.noise import estimate_noise
-from ibrid.gap.refitting.prior import prior_of
-from ibrid.gap.trials.trial import SweepDataset
+from ibrid.gap.refitting.prior import build_prior
 from ibrid.gap.workflow import find_gap
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE, insertions
@@ -51,7 +51,7 @@ def test_without_nominal_values_the_textbook_program_explains_its_own_device(nam
 
 def test_the_tolerance_of_a_large_negative_gain_is_a_part_of_its_size():
     wiring = wire(textbook("gfm_droop"), VOCABULARY)
-    prior = prior_of(
+    prior = build_prior(
         {"p_droop.k": -15.7, "q_droop.k": -0.2, "damping.k": {"value": -8.0, "tolerance": 1.0}},
         wiring,
         parameter_table(wiring, "exact"),

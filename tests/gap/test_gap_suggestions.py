@@ -10,9 +10,9 @@ from ibrid_search.recursion.suggesting import MANY, suggestions_of, told
 from scripted_server import says, scripted
 from sharing import shared
 
-from ibrid.gap.answers.files import gap_json
-from ibrid.gap.answers.result import Gap
-from ibrid.gap.answers.suggesting import Question, Suggestion, low_order_blocks
+from ibrid.gap.results.files import gap_json
+from ibrid.gap.results.gap import Gap
+from ibrid.gap.results.suggested_edits import Question, Suggestion, low_order_blocks
 from ibrid.gap.workflow import find_gap
 from ibrid.report.pages.gap_page import gap_page
 from ibrid.report.texts.gap_text import gap_text

@@ -13,13 +13,13 @@ from jsonschema import Draft202012Validator
 import ibrid
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
-from ibrid.gap.answers.files import gap_json
-from ibrid.gap.answers.result import Gap
+from ibrid.gap.budget import Budget
+from ibrid.gap.datasets.sweep_dataset import SweepDataset
 from ibrid.gap.refitting.noise import estimate_noise
-from ibrid.gap.refitting.prior import prior_of
-from ibrid.gap.refitting.refit import SweepFitter
-from ibrid.gap.trials.budget import Budget
-from ibrid.gap.trials.trial import SweepDataset
+from ibrid.gap.refitting.prior import build_prior
+from ibrid.gap.refitting.sweep_fitter import SweepFitter
+from ibrid.gap.results.files import gap_json
+from ibrid.gap.results.gap import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
@@ -40,7 +40,7 @@ def hidden() -> Case:
 
 @pytest.mark.slow
 def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.answers.watching.EVERY", 0.0)
+    monkeypatch.setattr("ibrid.gap.progress.EVERY", 0.0)
     case, answers, shares = hidden(), list[Gap](), list[float]()
 
     def told(words: str, share: float) -> None:
@@ -70,7 +70,7 @@ def test_what_is_known_on_the_way_is_passed_on_and_one_share_only_grows(monkeypa
 
 
 def test_when_the_effort_is_spent_the_best_so_far_is_the_answer_and_says_so(monkeypatch):
-    monkeypatch.setattr("ibrid.gap.trials.budget.EXPERIMENTS", {"low": 1, "normal": 10_000})
+    monkeypatch.setattr("ibrid.gap.budget.EXPERIMENTS", {"low": 1, "normal": 10_000})
     case = hidden()
     gap = find_gap(
         parse_program(case.program), case.sweep, case.values, catalogue=FEW, effort="low"
@@ -89,7 +89,7 @@ def test_every_look_and_every_refit_is_an_experiment_whatever_is_known_already(m
     case = hidden()
     diagram, budget = parse_program(case.program), Budget()
     wiring = wire(diagram, VOCABULARY)
-    prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
+    prior = build_prior(case.values, wiring, parameter_table(wiring, "exact"))
     dataset = SweepDataset(estimate_noise(case.sweep), VOCABULARY, prior, FEW, 0, budget=budget)
     given = dataset.fit_given(diagram)
     assert given is not None
@@ -108,7 +108,7 @@ def test_every_look_and_every_refit_is_an_experiment_whatever_is_known_already(m
         dataset.fit_other_conventions(given, 0.0)
     )  # nothing is near enough to be refitted, but all are looked at
     assert budget.made > before + len(read)
-    monkeypatch.setattr("ibrid.gap.answers.watching.EVERY", 0.0)
+    monkeypatch.setattr("ibrid.gap.progress.EVERY", 0.0)
     known = list[Gap]()
     spent = [
         find_gap(diagram, case.sweep, case.values, catalogue=FEW, so_far=one).experiments
@@ -159,9 +159,9 @@ def test_of_many_data_a_few_lead_to_the_minimum_of_all(monkeypatch):
     )
     diagram, noise = parse_program(case.program), estimate_noise(case.sweep)
     wiring = wire(diagram, VOCABULARY)
-    prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
+    prior = build_prior(case.values, wiring, parameter_table(wiring, "exact"))
     led = SweepFitter(noise, VOCABULARY, prior, 0).fit(diagram, [{}], draws=8)
-    monkeypatch.setattr("ibrid.gap.refitting.refit.MANY", 10**6)
+    monkeypatch.setattr("ibrid.gap.refitting.sweep_fitter.MANY", 10**6)
     slow = SweepFitter(noise, VOCABULARY, prior, 0).fit(diagram, [{}], draws=8)
     assert led is not None
     assert slow is not None

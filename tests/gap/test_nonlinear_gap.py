@@ -17,12 +17,12 @@ from sharing import shared
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData, amplitude_data
-from ibrid.gap.amplitudes.nonlinear_fit import NonlinearPoint, NonlinearSearch
-from ibrid.gap.amplitudes.nonlinear_places import NonlinearPlace, list_nonlinear_places
-from ibrid.gap.answers.files import gap_json
-from ibrid.gap.answers.result import Gap
-from ibrid.gap.refitting.prior import prior_of
+from ibrid.gap.amplitudes.amplitude_data import AmplitudeData, amplitude_data
+from ibrid.gap.amplitudes.nonlinearity_edits import NonlinearityEdit, list_nonlinearity_edits
+from ibrid.gap.amplitudes.nonlinearity_fit import NonlinearityFitter, NonlinearityPoint
+from ibrid.gap.refitting.prior import build_prior
+from ibrid.gap.results.files import gap_json
+from ibrid.gap.results.gap import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.sweeps.amplitudes import at_amplitudes, joined
 from ibrid.measurement.sweeps.sweep import Sweep
@@ -56,24 +56,24 @@ def hidden(kind: NonlinearKind) -> float:
 
 def searched(
     kind: NonlinearKind, sweep: Sweep, effect: str
-) -> tuple[NonlinearSearch, AmplitudeData]:
+) -> tuple[NonlinearityFitter, AmplitudeData]:
     """What fits a place to a sweep, with the case's nominal values."""
     diagram = parse_program(case(kind).program)
     wiring = wire(diagram, VOCABULARY)
-    prior = prior_of(case(kind).values, wiring, parameter_table(wiring, "exact"))
+    prior = build_prior(case(kind).values, wiring, parameter_table(wiring, "exact"))
     place = next(
         one
-        for one in list_nonlinear_places(diagram, VOCABULARY)
+        for one in list_nonlinearity_edits(diagram, VOCABULARY)
         if effect in (one.effect, one.words)
     )
     data = amplitude_data(sweep)
     assert data is not None
-    return NonlinearSearch(place, diagram, VOCABULARY, data, prior), data
+    return NonlinearityFitter(place, diagram, VOCABULARY, data, prior), data
 
 
 def at_truth(
     kind: NonlinearKind, effect: str, threshold: float
-) -> tuple[NonlinearPoint, AmplitudeData, NonlinearPlace]:
+) -> tuple[NonlinearityPoint, AmplitudeData, NonlinearityEdit]:
     search, data = searched(kind, case(kind).sweep, effect)
     start = search.parameter_prior.start(case(kind).truth["values"])
     beside = search._open_model(start)
@@ -226,7 +226,7 @@ def test_a_nonlinearity_without_a_name_is_not_called_by_one_that_has():
     assert gap.amplitude.tried[0].threshold == pytest.approx(0.004, rel=0.05)
 
 
-def linear(kind: NonlinearKind, words: str) -> NonlinearPoint:
+def linear(kind: NonlinearKind, words: str) -> NonlinearityPoint:
     return at_truth(kind, words, 1.0)[0]
 
 

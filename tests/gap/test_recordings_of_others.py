@@ -10,8 +10,8 @@ from ibrid_bench.events.cases import EventCase, draw
 from ibrid_bench.events.recorder import Recorder
 
 import ibrid
-from ibrid.gap.answers.result import Gap
-from ibrid.gap.recordings.event_question import build_event_problem
+from ibrid.gap.recordings.event_problem import build_event_problem
+from ibrid.gap.results.gap import Gap
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 

@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 from ibrid_bench.hidden.case import draw_case
 
-from ibrid.gap.answers.answer import _handed_over
-from ibrid.gap.answers.verdict import Findings, net_edits
+from ibrid.gap.datasets.sweep_dataset import SweepDataset
+from ibrid.gap.delay_forms import find_lost_forms
 from ibrid.gap.refitting.model import Model
 from ibrid.gap.refitting.noise import estimate_noise
-from ibrid.gap.refitting.prior import prior_of
+from ibrid.gap.refitting.prior import build_prior
 from ibrid.gap.repair import RepairState, eliminate_backward, rank_trials
-from ibrid.gap.trials.delay_forms import find_lost_forms
-from ibrid.gap.trials.trial import SweepDataset
+from ibrid.gap.results.sweep_gap import _handed_over
+from ibrid.gap.results.verdict import Findings, net_edits
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.parts.catalogue import CATALOGUE
@@ -49,7 +49,7 @@ def test_what_explains_clearly_more_takes_the_place_of_an_edit_that_was_made_fir
     )
     diagram = parse_program(case.program)
     wiring = wire(diagram, VOCABULARY)
-    prior = prior_of(case.values, wiring, parameter_table(wiring, "exact"))
+    prior = build_prior(case.values, wiring, parameter_table(wiring, "exact"))
     bench = RepairState(
         SweepDataset(estimate_noise(case.sweep), VOCABULARY, prior, FEW, 0, "exact")
     )

@@ -15,7 +15,7 @@ from ibrid_bench.hidden.case import draw_case
 import ibrid
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
-from ibrid.gap.answers.result import Gap
+from ibrid.gap.results.gap import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.structure.diagrams.library import textbook

@@ -12,10 +12,17 @@ import ibrid
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.evaluate import evaluate, record_at
 from ibrid.evaluation.record import Record
-from ibrid.gap.answers.result import Candidate, Gap, Located, Moved, NamedEffect, Unseen
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.ports.ports import ports
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN
+from ibrid.gap.results.gap import (
+    Candidate,
+    Gap,
+    LocatedMisfit,
+    NamedEffect,
+    ParameterChange,
+    UndetectableEffect,
+)
 from ibrid.measurement.conventions.rotation import rotation
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
@@ -80,9 +87,9 @@ def misses_the_filter(noise_db: float | None = 60.0) -> Gap:
         "follows the measurement down "
         "to its noise, also at the operating point that was held out.",
         located=(
-            Located("p=1,q=0.3", (50.0, 500.0), "qq", 0.61, 41.2),
-            Located("p=1,q=-0.3", (50.0, 500.0), "qq", 0.22, 23.9),
-            Located("p=1,q=0.3", (500.0, 2000.0), "qd", 0.05, 6.1),
+            LocatedMisfit("p=1,q=0.3", (50.0, 500.0), "qq", 0.61, 41.2),
+            LocatedMisfit("p=1,q=-0.3", (50.0, 500.0), "qq", 0.22, 23.9),
+            LocatedMisfit("p=1,q=0.3", (500.0, 2000.0), "qd", 0.05, 6.1),
         ),
         ports=port_fits(before, "pll.e_q", corner),
         effects=(effect,),
@@ -94,7 +101,7 @@ def misses_the_filter(noise_db: float | None = 60.0) -> Gap:
         after={"refit": after.nrmse, "holdout": after.holdout[HELD_OUT[0]]},
         noise_floor=after.noise_floor,
         moved=tuple(
-            Moved(
+            ParameterChange(
                 name,
                 TRUTH[name] * factor,
                 TRUTH[name],
@@ -105,14 +112,16 @@ def misses_the_filter(noise_db: float | None = 60.0) -> Gap:
             for name, factor in WRONG.items()
         ),
         could_not_have_seen=(
-            Unseen(
+            UndetectableEffect(
                 "decoupling",
                 "replace",
                 "decoupling by the nominal frequency",
                 3.1,
                 "weaker grids and a faster PLL",
             ),
-            Unseen("power_filter", "add", "behind power.p and power.q", 0.4, "points below 5 Hz"),
+            UndetectableEffect(
+                "power_filter", "add", "behind power.p and power.q", 0.4, "points below 5 Hz"
+            ),
         ),
         candidates=candidates(),
         steps=(

@@ -15,7 +15,7 @@ from scipy.integrate import quad
 from sharing import shared
 
 from ibrid.errors import IbridError, SweepError
-from ibrid.gap.amplitudes.nonlinear_shapes import (
+from ibrid.gap.amplitudes.nonlinearities import (
     dead_zone_gain,
     held_limit_gain,
     one_sided_limit,

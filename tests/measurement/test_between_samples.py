@@ -58,7 +58,7 @@ def test_a_record_too_short_to_leave_samples_out_has_no_error_to_tell() -> None:
 
 
 def test_rounded_values_are_wrong_by_a_part_of_their_step() -> None:
-    """One number is no noise; what it does is played (`ibrid.gap.recordings.shared_errors`)."""
+    """One number is no noise; what it does is played (`ibrid.gap.recordings.systematic_errors`)."""
     v = np.ones((60, 2))
     v[30:, 0] = 1.0 + 0.12 * np.arange(30)
     rounded = EventRecord(

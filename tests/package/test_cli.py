@@ -354,7 +354,7 @@ def test_an_illegal_program_is_a_wrong_input_and_its_record_is_written(
 def test_a_gap_whose_effort_is_spent_ends_with_its_own_status(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ):
-    monkeypatch.setattr("ibrid.gap.trials.budget.EXPERIMENTS", {"low": 1})
+    monkeypatch.setattr("ibrid.gap.budget.EXPERIMENTS", {"low": 1})
     out = tmp_path / "gap"
     assert cli.main(["gap", "gfl", "paper_like", "--effort", "low", "--out", str(out)]) == 3
     assert "go on with a higher effort" in " ".join(capsys.readouterr().out.split())

@@ -17,7 +17,7 @@ from made_gap import misses_the_filter
 import ibrid
 from ibrid.analysis.models.linear_model import linear_model
 from ibrid.export.formats import control_json
-from ibrid.gap.answers.files import gap_json
+from ibrid.gap.results.files import gap_json
 from ibrid.schemas import schema
 
 FOLDER = Path(__file__).resolve().parents[2] / "ibrid" / "schemas"

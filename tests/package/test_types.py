@@ -29,7 +29,7 @@ from ibrid.analysis.models.prediction import Prediction
 from ibrid.analysis.models.residuals import Residuals
 from ibrid.analysis.grids.stability import Stability
 from ibrid.export import NonlinearModel
-from ibrid.gap.answers.result import Gap, NamedEffect
+from ibrid.gap.results.gap import Gap, NamedEffect
 from ibrid.generic.answer import GenericAnswer
 from ibrid.measurement import Inspection
 from ibrid.structure.comparison.compare import Comparison

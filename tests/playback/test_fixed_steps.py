@@ -14,7 +14,7 @@ from ibrid_bench.events.device import OMEGA, Device, linear, simulate
 
 import ibrid
 from ibrid.errors import SweepError
-from ibrid.gap.recordings.joint_fit import evaluate_events
+from ibrid.gap.recordings.event_evaluation import evaluate_events
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.formats.event_csv import event_csv, parse_event_csv, write_events
 from ibrid.measurement.read_events import read_events

@@ -13,7 +13,7 @@ from ibrid.cli import main
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import read_record
-from ibrid.gap.recordings.event_question import build_event_problem
+from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep

@@ -9,8 +9,8 @@ import pytest
 
 import ibrid
 from ibrid.cli import main
+from ibrid.gap.recordings.event_evaluation import evaluate_events
 from ibrid.gap.recordings.event_noise import event_noise
-from ibrid.gap.recordings.joint_fit import evaluate_events
 from ibrid.measurement.estimators.window import window_of
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.event_samples import seen_through

@@ -22,7 +22,7 @@ from made_run import a_run, meta
 
 import ibrid
 from ibrid import cli
-from ibrid.gap.answers.files import FILES
+from ibrid.gap.results.files import FILES
 
 ROOT = Path(__file__).resolve().parents[2]
 NAMES = (
@@ -45,7 +45,7 @@ OWNERS = (
     "search/ibrid_search/running.py",
     "search/ibrid_search/report/page.py",
     "search/ibrid_search/report/run_data.py",
-    "ibrid/gap/answers/files.py",
+    "ibrid/gap/results/files.py",
     "ibrid/commands/gap.py",
     "ibrid/commands/results.py",
     "search/policy/ibrid_policy/learning/learner.py",

@@ -17,7 +17,7 @@ from sharing import shared
 
 import ibrid
 from ibrid.cli import main
-from ibrid.gap.recordings.event_record import simulate_events
+from ibrid.gap.recordings.evaluation_record import simulate_events
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.events import Events
 from ibrid.plants.sweeping import plant_named
@@ -124,7 +124,7 @@ def test_a_record_with_a_held_out_event_that_its_simulation_leaves_can_be_read_a
         ]
         return replace(playback, records=tuple(records))
 
-    monkeypatch.setattr("ibrid.gap.recordings.joint_fit.simulate_events", left)
+    monkeypatch.setattr("ibrid.gap.recordings.event_evaluation.simulate_events", left)
     study = Study.of(events(), holdout_op=("phase:8",))
     record = Assessor(study).record_of(ibrid.program_text(ibrid.textbook(INVERTER)), QUICK)
     assert record.outcome == "ok"

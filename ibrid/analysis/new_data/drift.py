@@ -28,7 +28,7 @@ from ibrid.analysis.several_devices.freed_fits import FreedFit, FreedFits, Plant
 from ibrid.errors import IbridError
 from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.record import Record
-from ibrid.gap.answers.result import Gap
+from ibrid.gap.results.gap import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep

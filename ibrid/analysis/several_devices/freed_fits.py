@@ -22,7 +22,7 @@ from ibrid.evaluation.adequacy import is_adequate, p_value
 from ibrid.evaluation.record import Record
 from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
-from ibrid.gap.recordings.event_fit import EventFitter
+from ibrid.gap.recordings.event_fitter import EventFitter
 from ibrid.gap.recordings.event_noise import FITTED, EventNoise, event_noise
 from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.measurement.recordings.events import Events

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.gap.amplitudes.nonlinear_shapes import Shape
+from ibrid.gap.amplitudes.nonlinearities import Shape
 from ibrid.gap.ports.open_port import OpenedModel, OpenPort
 
 #: Harmonics beside the mean, and samples of a period.

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.gap.amplitudes.nonlinear_data import AmplitudeData
-from ibrid.gap.amplitudes.nonlinear_fit import NonlinearFit
+from ibrid.gap.amplitudes.amplitude_data import AmplitudeData
+from ibrid.gap.amplitudes.nonlinearity_fit import NonlinearityFit
 
 #: Standard error of a measured gain from which on it says nothing.
 USELESS = 0.2
@@ -33,7 +33,7 @@ class PortGain:
     curve: np.ndarray
 
 
-def port_gain(fit: NonlinearFit, data: AmplitudeData) -> PortGain:
+def port_gain(fit: NonlinearityFit, data: AmplitudeData) -> PortGain:
     """Measured gains of a fit's port along the direction in which it acts."""
     state, shape = fit.state, fit.place.shape
     linear, coefficients = state.linear, state.motion.entering.shape

@@ -64,7 +64,7 @@ class _Placed(Protocol):
 
 
 class Repaired(Protocol):
-    """What an answer says of its repair: `ibrid.gap.answers.result.Gap`."""
+    """What an answer says of its repair: `ibrid.gap.results.gap.Gap`."""
 
     @property
     def verdict(self) -> str: ...

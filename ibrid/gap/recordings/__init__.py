@@ -1,6 +1,6 @@
-"""Voltage and current in time: what they are judged by, the fit of a diagram with limits, and the
-race of missing limits.
+"""Waveform recordings: their noise, the fit of a diagram with limits, and the screening of missing
+limits and of edits.
 
-From outside of `gap`: `event_fit`, `event_misfit`, `event_noise`, `event_question`, `event_record`,
-`joint_fit`, `limit_race`.
+From outside of `gap`: `event_fitter`, `event_misfit`, `event_noise`, `event_problem`,
+`evaluation_record`, `event_evaluation`, `successive_halving`.
 """

@@ -8,7 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from ibrid.gap.recordings.shared_errors import errors_of_channels, errors_of_rounding, play_errors
+from ibrid.gap.recordings.systematic_errors import (
+    list_channel_errors,
+    list_rounding_errors,
+    simulate_errors,
+)
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
 from ibrid.measurement.estimators.correlation import correlated
 from ibrid.measurement.recordings.between_samples import error_between, noise_left
@@ -175,7 +179,7 @@ class EventNoise(Noise):
         for record in self.events.records:
             own, current = values[record.name], self.of[record.name].current_sigma
             if record.smeared:
-                of[record.name] = noise_of_estimator(record, current, player.matrices(record, own))
+                of[record.name] = estimator_noise(record, current, player.matrices(record, own))
                 by_noise += float(of[record.name].independent.sum())
                 continue
             voltage = open_voltage(error_between(record), noise_left(record))
@@ -185,9 +189,11 @@ class EventNoise(Noise):
                 if len(voltage.intervals)
                 else None
             )
-            channels = play_errors(player, record, own, errors_of_channels(record, self.events))
-            waves = np.hstack([channels, starts_of_waves(record, self.events.f0_hz, model)])
-            rounding = play_errors(player, record, own, errors_of_rounding(record))
+            channels = simulate_errors(
+                player, record, own, list_channel_errors(record, self.events)
+            )
+            waves = np.hstack([channels, list_wave_transients(record, self.events.f0_hz, model)])
+            rounding = simulate_errors(player, record, own, list_rounding_errors(record))
             noise = noise_and_sampling(
                 current, model, step, voltage, pulses, waves, rounding, pulse_error
             )
@@ -207,7 +213,7 @@ class EventNoise(Noise):
         return replace(self, of=of, source=source, noise_dof=noise_dof, sampled=sampled)
 
 
-def noise_of_estimator(
+def estimator_noise(
     record: EventRecord, current: np.ndarray, matrices: Matrices | None = None
 ) -> RecordNoise:
     """Of frames of an estimator: their current's noise (N,), and what a model at rest makes of
@@ -235,7 +241,7 @@ def noise_of_estimator(
     return noise_of_frames(sigma, kept, correlated(record.time, window, kept))
 
 
-def starts_of_waves(record: EventRecord, f0_hz: float, matrices: Matrices) -> np.ndarray:
+def list_wave_transients(record: EventRecord, f0_hz: float, matrices: Matrices) -> np.ndarray:
     """(2 N, 4) what rings on in the current since a playback begins without the waves at -f0 and -2
     f0 of the voltage.
     """
@@ -266,7 +272,7 @@ def event_noise(events: Events, sweep: Sweep) -> EventNoise:
             own, stated = np.full(len(record.time), level), False
             if level > floor:
                 freedom = min(freedom, count)
-        of[record.name] = noise_of_estimator(record, np.hypot(own, max(floor, 1e-9)))
+        of[record.name] = estimator_noise(record, np.hypot(own, max(floor, 1e-9)))
     source = "the sigma of the records" if stated else "the current at rest before each event"
     return EventNoise(
         sweep, True, source, events=events, of=of, noise_dof=freedom, current_noise_dof=freedom

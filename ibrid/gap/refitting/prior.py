@@ -145,7 +145,7 @@ class ParameterPrior:
         return np.where(slope > 0, 1.0 / np.where(slope > 0, slope, 1.0), unknown)
 
 
-def prior_of(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, NominalValue]:
+def build_prior(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[str, NominalValue]:
     """Return the prior of a diagram's free parameters that nominal values mean.
 
     Parameters
@@ -221,7 +221,7 @@ def read_nominal_value(name: str, entry: Any, box: Parameter | Range) -> tuple[f
     return value, spread
 
 
-def values_of(record: Record) -> dict[str, float]:
+def fitted_values(record: Record) -> dict[str, float]:
     """Return the fitted values of a record, as nominal values.
 
     Raises IbridError where they differ between operating points.

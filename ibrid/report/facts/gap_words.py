@@ -3,8 +3,8 @@
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ibrid.gap.answers.result import Gap, Moved, NamedEffect
-from ibrid.gap.answers.verdict import FAR
+from ibrid.gap.results.gap import Gap, NamedEffect, ParameterChange
+from ibrid.gap.results.verdict import FAR
 from ibrid.measurement.conventions.labels import ROTATION
 from ibrid.parts.catalogue import CATALOGUE
 from ibrid.parts.editing.practice import Effect
@@ -77,7 +77,7 @@ def parameter_words(gap: Gap, effect: NamedEffect) -> Iterator[tuple[str, str, s
         yield name, f"{number(value)} {unit}".strip(), more_readable(value, unit), words
 
 
-def moved_interval(parameter: Moved) -> str:
+def moved_interval(parameter: ParameterChange) -> str:
     """The 95 % interval of a parameter."""
     return (
         "not visible"
@@ -86,7 +86,7 @@ def moved_interval(parameter: Moved) -> str:
     )
 
 
-def far(gap: Gap) -> list[Moved]:
+def far(gap: Gap) -> list[ParameterChange]:
     """Parameters that moved beyond three standard deviations of their tolerance."""
     return [one for one in gap.moved if abs(one.sigmas) > FAR]
 

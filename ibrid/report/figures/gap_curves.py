@@ -13,8 +13,8 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.fit.objective import BAND_NAMES, band_index
-from ibrid.gap.answers.result import Gap
 from ibrid.gap.refitting.noise import estimate_noise
+from ibrid.gap.results.gap import Gap
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep
 from ibrid.report.figures.bode import Curves, draw_bode, line_frequency

@@ -5,8 +5,8 @@ and what is open.
 from collections.abc import Sequence
 from typing import Any
 
-from ibrid.gap.answers.result import Gap, Moved, NamedEffect
-from ibrid.gap.answers.verdict import FAR
+from ibrid.gap.results.gap import Gap, NamedEffect, ParameterChange
+from ibrid.gap.results.verdict import FAR
 from ibrid.gap.workflow import FEWEST
 from ibrid.measurement.quality.sequence_view import sequence_view
 from ibrid.measurement.sweeps.sweep import ENTRIES
@@ -118,7 +118,7 @@ def _records(gap: Gap) -> list[tuple[str, float | None, float | None, str]]:
     return rows
 
 
-def _moved(gap: Gap) -> list[tuple[Moved, float | None, str]]:
+def _moved(gap: Gap) -> list[tuple[ParameterChange, float | None, str]]:
     before = next(iter(gap.baseline.parameters.values()), {}) if repaired(gap) else {}
     return [
         (parameter, before.get(parameter.name), moved_interval(parameter))

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from ibrid.foreign_text import controls_shown
-from ibrid.gap.answers.files import DIFF, FILES
-from ibrid.gap.answers.result import Gap, NamedEffect
-from ibrid.gap.answers.verdict import FAR
+from ibrid.gap.results.files import DIFF, FILES
+from ibrid.gap.results.gap import Gap, NamedEffect
+from ibrid.gap.results.verdict import FAR
 from ibrid.measurement.quality.sequence_view import sequence_view
 from ibrid.measurement.sweeps.quantities import span
 from ibrid.report.facts.gap_words import change_words, far, moved_interval, parameter_words

@@ -17,8 +17,8 @@ from ibrid_bench.hidden.program import BlockDiagram, block_diagram
 
 from ibrid.errors import IbridError
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
-from ibrid.gap.refitting.prior import prior_of
-from ibrid.gap.refitting.refit import SweepFitter
+from ibrid.gap.refitting.prior import build_prior
+from ibrid.gap.refitting.sweep_fitter import SweepFitter
 from ibrid.measurement.sweeps.noise import of_norm
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.modules.vocabulary import VOCABULARY
@@ -110,7 +110,7 @@ def _visibility(
     diagram = parse_program(model.text)
     wiring = wire(diagram, VOCABULARY)
     believed = {name: value for name, value in case.values.items() if name in model.values}
-    prior = prior_of(believed, wiring, parameter_table(wiring, "exact"))
+    prior = build_prior(believed, wiring, parameter_table(wiring, "exact"))
     refitter = SweepFitter(
         Noise(exact, True, "the noise of the measurement"), VOCABULARY, prior, seed
     )

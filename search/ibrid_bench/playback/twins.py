@@ -17,7 +17,7 @@ from ibrid_bench.events.device import Device, at_rest, simulate
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.record import Record
-from ibrid.gap.recordings.joint_fit import evaluate_events
+from ibrid.gap.recordings.event_evaluation import evaluate_events
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.playback.compare import model_of_program, nrmse, play

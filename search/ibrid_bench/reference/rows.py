@@ -17,7 +17,7 @@ from ibrid_bench.search.trials import rules_trial
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.gap.answers.result import Gap
+from ibrid.gap.results.gap import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.reference import P1_Q03, ReferenceInverter

@@ -2,7 +2,7 @@
 
 from argparse import Namespace
 
-from ibrid.gap.answers.suggesting import Suggest
+from ibrid.gap.results.suggested_edits import Suggest
 from ibrid_search.proposers.choose import Proposers
 from ibrid_search.recursion.suggesting import FEW, MANY, suggestions_of
 

@@ -12,7 +12,7 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FIT_EFFORTS, FitSettings
-from ibrid.gap.recordings.joint_fit import evaluate_records
+from ibrid.gap.recordings.event_evaluation import evaluate_records
 from ibrid.measurement.sweeps.amplitudes import coarse
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.program import parse_program

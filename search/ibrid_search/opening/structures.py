@@ -21,8 +21,8 @@ from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
-from ibrid.gap.recordings.event_question import build_event_problem
-from ibrid.gap.recordings.joint_fit import fit_and_score
+from ibrid.gap.recordings.event_evaluation import fit_and_score
+from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.quantities import counted
 from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.gap.answers.suggesting import Question, Suggest, Suggestion
 from ibrid.gap.ports.port_map import PortFit
+from ibrid.gap.results.suggested_edits import Question, Suggest, Suggestion
 from ibrid.measurement.sweeps.amplitudes import evenly
 from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid.study import Study

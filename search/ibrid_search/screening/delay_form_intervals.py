@@ -11,7 +11,7 @@ from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
-from ibrid.gap.trials.delay_forms import unite_intervals
+from ibrid.gap.delay_forms import unite_intervals
 from ibrid.parts.plant.delay_form import delay_forms
 from ibrid.study import Study
 from ibrid_search.screening.candidate_edits import list_delay_form_edits

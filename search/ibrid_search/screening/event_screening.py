@@ -13,10 +13,10 @@ from math import inf, sqrt
 from ibrid.fit.anchor import Decades
 from ibrid.fit.objective import objective_for
 from ibrid.fit.problem import Misfit, Problem
+from ibrid.gap.recordings.event_evaluation import limit_to_decade
 from ibrid.gap.recordings.event_misfit import EventDescent
-from ibrid.gap.recordings.event_question import event_problem_of_study
-from ibrid.gap.recordings.joint_fit import limit_to_decade
-from ibrid.gap.recordings.limit_race import rank_entrants
+from ibrid.gap.recordings.event_problem import event_problem_of_study
+from ibrid.gap.recordings.limit_candidates import rank_entrants
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid_search.screening.candidate_edits import CandidateEdit

@@ -10,8 +10,8 @@ import numpy as np
 from ibrid.evaluation.adequacy import NEGLIGIBLE
 from ibrid.evaluation.outcome import reward
 from ibrid.evaluation.record import Record
+from ibrid.gap.recordings.evaluation_record import noise_nrmse
 from ibrid.gap.recordings.event_noise import event_noise
-from ibrid.gap.recordings.event_record import noise_nrmse
 from ibrid.measurement.sweeps.noise import estimate_point
 from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
 from ibrid.study import Study

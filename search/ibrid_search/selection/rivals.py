@@ -15,8 +15,8 @@ from ibrid.analysis.models.prediction import predict
 from ibrid.errors import IbridError
 from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.record import Record
-from ibrid.gap.recordings.event_question import build_event_problem
-from ibrid.gap.recordings.joint_fit import fit_and_score
+from ibrid.gap.recordings.event_evaluation import fit_and_score
+from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.kind import ModuleKind

@@ -11,8 +11,8 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FIT_EFFORTS, FitSettings, require_one_of
-from ibrid.gap.recordings.event_question import build_event_problem
-from ibrid.gap.recordings.joint_fit import evaluate_records, fit_and_score
+from ibrid.gap.recordings.event_evaluation import evaluate_records, fit_and_score
+from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.positive_sequence import NOTE
 from ibrid.measurement.quality.event_inspection import inspect_events

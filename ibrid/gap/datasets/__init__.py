@@ -1,0 +1,1 @@
+"""The interface of a kind of measured data, and small-signal sweeps as one of them."""
