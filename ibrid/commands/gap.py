@@ -90,13 +90,13 @@ def _answer(
             "events are compared with a program or a record; a simulated sweep says nothing of "
             "limits"
         )
-    from ibrid.gap.results.simulated_sweep import differences, identify
+    from ibrid.gap.results.simulated_sweep import identify_model, locate_differences
     from ibrid.measurement.sweeps.quantities import span
 
     simulated = inputs.data(arguments.model)
-    where = differences(inputs.simulation(arguments.model, sweep), sweep)
+    where = locate_differences(inputs.simulation(arguments.model, sweep), sweep)
     tell("the program of the simulated sweep", 0.0)
-    identified = identify(simulated, arguments.seed)
+    identified = identify_model(simulated, arguments.seed)
     gap = find_gap(identified.record.diagram, sweep, identified.values, **options)
     first = where[0]
     most = f"most of the difference lies at {first.op}, {span(*first.band)}, {first.entry}"

@@ -19,7 +19,7 @@ from ibrid.gap.datasets.sweep_dataset import TRIAL_DRAWS, SweepDataset
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.progress import ProgressReporter
 from ibrid.gap.recordings.event_dataset import EventDataset
-from ibrid.gap.recordings.event_problem import NO_REST, EventProblem, build_event_problem
+from ibrid.gap.recordings.event_problem import NO_EQUILIBRIUM, EventProblem, build_event_problem
 from ibrid.gap.refitting.cross_validation import predicts_no_worse
 from ibrid.gap.refitting.model import (
     Model,
@@ -38,7 +38,7 @@ from ibrid.gap.repair import (
     repair,
 )
 from ibrid.gap.results.amplitude_gap import Nonlinear, alone, beside, unnamed
-from ibrid.gap.results.event_gap import event_answer
+from ibrid.gap.results.event_gap import build_event_gap
 from ibrid.gap.results.gap import AmplitudeDependence, Gap
 from ibrid.gap.results.suggested_edits import Suggest, low_order_blocks
 from ibrid.gap.results.sweep_gap import build_sweep_gap
@@ -185,7 +185,7 @@ def _find_event_gap(
                 given = _fit_given(problem, data)
                 first_trials = None
         if given is None:
-            raise IbridError(NO_REST)
+            raise IbridError(NO_EQUILIBRIUM)
         if first_trials is None:
             first_trials = _rank_first_trials(problem, data, given)
         findings = _verify_sampling_noise(problem, data, _repair_and_validate(first_trials))
@@ -204,7 +204,7 @@ def _verify_sampling_noise(
     fitter = data.fitter
     if decide_verdict(findings) != "named" or not data.is_refuted_by_own_noise(findings.best):
         return findings
-    rivals = data.rivals(findings.given, findings.best)
+    rivals = data.list_rivals(findings.given, findings.best)
     best = next((one for one in rivals if one.is_adequate() and data.is_stable(one)), None)
     if best is None:
         data.use_noise_of(fitter)
@@ -237,7 +237,7 @@ def _read_records(
         budget=budget,
         events=event_problem,
     )
-    return problem, event_problem.records(prior, catalogue, budget)
+    return problem, event_problem.build_dataset(prior, catalogue, budget)
 
 
 @dataclass(frozen=True, eq=False)
@@ -292,7 +292,7 @@ class _GapProblem:
         complete = findings.complete and not self.budget.stopped
         findings = replace(findings, complete=complete)
         if isinstance(data, EventDataset) and self.events is not None:
-            return event_answer(findings, data, self.events)
+            return build_event_gap(findings, data, self.events)
         assert isinstance(data, SweepDataset), "amplitudes are answered by `_find_amplitude_gap`"
         study = self.study
         return build_sweep_gap(
@@ -377,7 +377,7 @@ def _find_amplitude_gap(problem: _GapProblem, gate: Linearity) -> Gap:
         gap = _answer_linear(problem, smallest if small is None else small, nonlinear.best.values)
         nominal = None
         if problem.values:
-            linear = nonlinear.data.refitter.evaluate_values(problem.diagram, {})
+            linear = nonlinear.data.sweep_fitter.evaluate_values(problem.diagram, {})
             nominal = nonlinear.data.data.linear_nrmse(linear.responses)
         return alone(gap, nonlinear, nominal)
     if small is None:
@@ -405,7 +405,7 @@ def _answer_linear(problem: _GapProblem, sweep: Sweep, values: Values) -> Gap:
     """Return the answer of the linear model at given values, in which nothing is named."""
     problem = replace(problem.with_sweep(sweep), catalogue=CATALOGUE)
     dataset = problem.sweep_dataset(estimate_noise(problem.study.fitted))
-    fitter = dataset.refitter(Convention())
+    fitter = dataset.fitter_for(Convention())
     fit = fitter.evaluate_values(problem.diagram, values)
     given = Model(problem.diagram, Convention(), fit)
     findings = Findings(dataset.noise, given, given, (), (), (), 1.0, 0, ())

@@ -20,7 +20,7 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.recordings.event_evaluation import evaluate_events, evaluate_records
 from ibrid.gap.recordings.event_fitter import EventFitter
-from ibrid.gap.recordings.event_noise import event_noise
+from ibrid.gap.recordings.event_noise import estimate_event_noise
 from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.events import EventRecord, Events
@@ -122,7 +122,7 @@ def test_the_solver_of_record_ends_a_fit_that_stopped_short_and_leaves_one_whose
         records("dip:0.8,at=0.04,for=0.09", "phase:6,at=0.04"),
         {},
     )
-    data = question.records(question.prior())
+    data = question.build_dataset(question.prior())
     fitter, diagram = data.fitter, question.diagram
     ended = fitter.polish(
         fitter.evaluate_values(diagram, (), {**VISIBLE, "pll.kP_pll": 61.0, "power.kI": 19.7})
@@ -142,7 +142,7 @@ def test_coarse_steps_lead_predictions_too_and_differ_where_a_fast_mode_rings():
     question = build_event_problem(
         ibrid.textbook(TEXTBOOK), None, VISIBLE, records("dip:0.8,at=0.04,for=0.09"), {}
     )
-    misfit = question.records(question.prior()).fitter.misfit(question.diagram, ())
+    misfit = question.build_dataset(question.prior()).fitter.misfit(question.diagram, ())
     assert not misfit.coarse.is_predicting
     assert misfit.prediction.coarse.is_predicting
     assert misfit.coarse.coarse is misfit.coarse
@@ -380,7 +380,7 @@ def test_what_a_fit_to_records_does_not_know_is_one_sentence(file, capsys, words
 
 def test_far_from_the_noise_a_fast_record_is_fitted_by_fewer_samples_and_a_slow_one_by_all():
     fitters = {
-        rate: EventFitter(event_noise(one, one.rests), VOCABULARY, {}, None)
+        rate: EventFitter(estimate_event_noise(one, one.rests), VOCABULARY, {}, None)
         for rate, one in ((20_000, fast_record()), (5_000, records("dip:0.5,at=0.04,rise=0.002")))
     }
     slow = fitters[5_000].misfit(ibrid.textbook(TEXTBOOK), ())

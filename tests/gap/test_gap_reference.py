@@ -44,7 +44,7 @@ def test_without_nominal_values_the_textbook_program_explains_its_own_device(nam
     assert given is not None
     assert given.is_adequate()
     # draws about typical values alone end elsewhere
-    alone = dataset.refitter(given.convention).fit(diagram, [{}], draws=16)
+    alone = dataset.fitter_for(given.convention).fit(diagram, [{}], draws=16)
     assert alone is not None
     assert alone.chi2 > 10 * alone.measurement_count
 

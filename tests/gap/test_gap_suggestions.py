@@ -12,7 +12,7 @@ from sharing import shared
 
 from ibrid.gap.results.files import gap_json
 from ibrid.gap.results.gap import Gap
-from ibrid.gap.results.suggested_edits import Question, Suggestion, low_order_blocks
+from ibrid.gap.results.suggested_edits import Suggestion, SuggestionRequest, low_order_blocks
 from ibrid.gap.workflow import find_gap
 from ibrid.report.pages.gap_page import gap_page
 from ibrid.report.texts.gap_text import gap_text
@@ -41,11 +41,11 @@ def plain() -> Gap:
     return build_event_problem(low_order_blocks)
 
 
-def questions() -> list[Question]:
+def questions() -> list[SuggestionRequest]:
     """What a suggester was asked, one entry."""
-    heard: list[Question] = []
+    heard: list[SuggestionRequest] = []
 
-    def listen(question: Question) -> list[Suggestion]:
+    def listen(question: SuggestionRequest) -> list[Suggestion]:
         heard.append(question)
         return []
 
@@ -84,7 +84,7 @@ def test_an_illegal_suggestion_is_refused_and_a_repeated_one_is_weighed_once():
     given = program_text(parse_program(case().program))
     broken = parse_program(given + '    g.add("LPF1", "loose")\n')
 
-    def suggest(question: Question) -> list[Suggestion]:
+    def suggest(question: SuggestionRequest) -> list[Suggestion]:
         return [
             Suggestion(broken, "a loose block", "somebody"),
             Suggestion(broken, "the same again", "somebody else"),

@@ -2,6 +2,7 @@
 apart from the package.
 """
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -9,10 +10,11 @@ import numpy as np
 import pytest
 from ibrid_bench.events.cases import NAMES, EventCase, draw
 
-from ibrid.gap.recordings.cessation import HOLD, MOMENT, moments_from_hold
+from ibrid.gap.recordings.cessation import HOLD_TIME, RELEASE_TIME, release_times_from_hold
 from ibrid.gap.recordings.event_misfit import EventDescent, event_parameter
 from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.gap.recordings.limit_edits import LimitEdit
+from ibrid.gap.recordings.settings import SCREENING
 from ibrid.gap.refitting.model import Model
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
@@ -25,7 +27,7 @@ def raced(hidden: str, seed: int, noise_db: float, *, swept: bool) -> tuple[Mode
     question = build_event_problem(
         case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
     )
-    records = question.records(question.prior())
+    records = question.build_dataset(question.prior())
     given = records.fit_given(question.diagram)
     assert given is not None
     assert not given.is_adequate()
@@ -65,8 +67,8 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
     """
     begun = []
     monkeypatch.setattr(
-        "ibrid.gap.recordings.limit_screener.screen_limits",
-        lambda fitter, places, beside, origins, led: (
+        "ibrid.gap.recordings.limit_fitter.screen_limits",
+        lambda fitter, places, beside, origins, predict_first: (
             begun.append(origins[0]) or [None for _ in places]
         ),
     )
@@ -74,7 +76,7 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
     question = build_event_problem(
         case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
     )
-    records = question.records(question.prior())
+    records = question.build_dataset(question.prior())
     given = records.fit_given(question.diagram)
     assert given is not None
     assert not given.is_adequate()
@@ -90,12 +92,13 @@ def test_forms_of_a_limit_set_out_where_the_sweep_alone_leads(monkeypatch):
 def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_records_puts_it(
     monkeypatch,
 ):
-    monkeypatch.setattr("ibrid.gap.recordings.edit_screener.RACED", 1)
+    few = replace(SCREENING, edit_entrants=1)
+    monkeypatch.setattr("ibrid.gap.recordings.edit_fitter.SCREENING", few)
     case = draw("pll_filter", 3, None, swept=True)
     question = build_event_problem(
         case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
     )
-    records = question.records(question.prior(), CATALOGUE)
+    records = question.build_dataset(question.prior(), CATALOGUE)
     given = records.fit_given(question.diagram)
     assert given is not None
     edits = insertions(given.diagram, records.kinds, CATALOGUE)
@@ -106,14 +109,14 @@ def test_an_edit_that_the_sweep_speaks_for_is_fitted_wherever_a_glance_at_the_re
 @pytest.mark.slow
 def test_no_limit_is_tried_where_the_sweep_asks_for_an_edit_that_explains_all(monkeypatch):
     monkeypatch.setattr(
-        "ibrid.gap.recordings.limit_screener.screen_limits",
+        "ibrid.gap.recordings.limit_fitter.screen_limits",
         lambda *_, **__: pytest.fail("a limit was tried"),
     )
     case = draw("damping", 1, 60.0, swept=True)
     question = build_event_problem(
         case.diagram, case.sweep, case.values, case.events, {"holdout_op": (case.held,)}
     )
-    records = question.records(
+    records = question.build_dataset(
         question.prior(), [one for one in CATALOGUE if one.id == "active_damping"]
     )
     given = records.fit_given(question.diagram)
@@ -131,12 +134,15 @@ def test_a_cessation_that_comes_twice_starts_where_the_current_sets_in_for_good(
     )
     axes = [np.stack([one, np.zeros_like(one)], axis=1) for one in (v, i)]
     events = Events((EventRecord(OperatingPoint("dip", 0.8, 0.0, 1.0), time, *axes, 0.04),))
-    behind, seen = moments_from_hold(
-        {"momentary_cessation.v_block": 0.7, HOLD: 0.02, "momentary_cessation.ramp": 9.0}, events
+    behind, seen = release_times_from_hold(
+        {"momentary_cessation.v_block": 0.7, HOLD_TIME: 0.02, "momentary_cessation.ramp": 9.0},
+        events,
     )
-    assert behind[event_parameter(MOMENT, "dip")] == pytest.approx(0.16 - 0.04 + 0.02, abs=1e-3)
-    assert seen[event_parameter(MOMENT, "dip")] == pytest.approx(0.25 - 0.04, abs=1e-3)
-    assert HOLD not in {**behind, **seen}
+    assert behind[event_parameter(RELEASE_TIME, "dip")] == pytest.approx(
+        0.16 - 0.04 + 0.02, abs=1e-3
+    )
+    assert seen[event_parameter(RELEASE_TIME, "dip")] == pytest.approx(0.25 - 0.04, abs=1e-3)
+    assert HOLD_TIME not in {**behind, **seen}
 
 
 class Stepping(EventDescent):

@@ -101,9 +101,8 @@ def test_a_floor_is_told_of_a_device_that_delivers_nothing_at_rest(sigma: float 
         OperatingPoint("dip", 0.0, 0.0, 1.0), time, v, i, 0.059, sigma=stated, f0_hz=60.0
     )
     events = Events((record,), f0_hz=60.0)
-    noise = (
-        build_event_problem(ibrid.textbook("gfl_exact"), None, None, events, {}).records({}).noise
-    )
+    problem = build_event_problem(ibrid.textbook("gfl_exact"), None, None, events, {})
+    noise = problem.build_dataset({}).noise
     assert np.isfinite(noise.of["dip"].sigma).all()
     assert 0 < noise.floors["dip"] < np.inf
     assert noise.noise_dof > 0

@@ -12,7 +12,7 @@ from ibrid.gap.refitting.model import Model
 from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.gap.refitting.prior import build_prior
 from ibrid.gap.repair import RepairState, eliminate_backward, rank_trials
-from ibrid.gap.results.sweep_gap import _handed_over
+from ibrid.gap.results.sweep_gap import _select_reported_model
 from ibrid.gap.results.verdict import Findings, net_edits
 from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import VOCABULARY
@@ -132,7 +132,7 @@ def test_the_form_of_a_delay_that_went_later_is_not_told():
 
 
 @pytest.mark.parametrize(("error", "handed"), [(0.1, "nearest"), (0.3, "given")])
-def test_where_nothing_explains_a_sweep_the_better_model_is_handed_over(error, handed):
+def test_where_nothing_explains_a_sweep_the_better_model_is_reported(error, handed):
     given, nearest = (
         SimpleNamespace(convention=Convention()),
         SimpleNamespace(convention=Convention()),
@@ -140,5 +140,5 @@ def test_where_nothing_explains_a_sweep_the_better_model_is_handed_over(error, h
     findings: Any = SimpleNamespace(given=given, best=nearest, is_repaired=True)
     baseline: Any = SimpleNamespace(nrmse=0.2)
     other: Any = SimpleNamespace(nrmse=error)
-    model, record = _handed_over("unexplained", findings, baseline, lambda _: other)
+    model, record = _select_reported_model("unexplained", findings, baseline, lambda _: other)
     assert (model, record) == ((nearest, other) if handed == "nearest" else (given, baseline))

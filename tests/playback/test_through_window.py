@@ -10,7 +10,7 @@ import pytest
 import ibrid
 from ibrid.cli import main
 from ibrid.gap.recordings.event_evaluation import evaluate_events
-from ibrid.gap.recordings.event_noise import event_noise
+from ibrid.gap.recordings.event_noise import estimate_event_noise
 from ibrid.measurement.estimators.window import window_of
 from ibrid.measurement.formats.event_csv import write_events
 from ibrid.measurement.recordings.event_samples import seen_through
@@ -90,7 +90,7 @@ def test_fast_frames_are_judged_by_all_of_their_samples(waveform: EventRecord):
         waveform.rest, tags, shows @ waveform.v, shows @ waveform.i, 0.48, f0_hz=F0, window=window
     )
     events = Events((record,), f0_hz=F0)
-    noise = event_noise(events, events.rests)
+    noise = estimate_event_noise(events, events.rests)
     for one in (noise.for_predictions, noise.decimated):
         assert one.events.records[0].v.shape == one.of[record.name].sigma.shape == record.v.shape
 

@@ -15,7 +15,7 @@ from ibrid.analysis.models.parametric import ParametricModel, Uncertainty
 from ibrid.analysis.several_devices.freed_fits import EventFits
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
-from ibrid.gap.recordings.event_noise import EventNoise, event_noise
+from ibrid.gap.recordings.event_noise import EventNoise, estimate_event_noise
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.playback.recording import AFTER, LENGTH, RATE, Event, event_of
@@ -57,7 +57,7 @@ def event_answers(
         rest, time, v, i, event.at - 1.0 / RATE, sigma=np.ones(len(time)), told=told
     )
     events = Events((asked,), f0_hz=linear.f0_hz)
-    departure, _ = _played(structures[0], events, event_noise(events, events.rests))
+    departure, _ = _played(structures[0], events, estimate_event_noise(events, events.rests))
     deviation = max(noise * float(np.sqrt(np.mean(departure**2))), 1e-9)
     events = replace(events, records=(replace(asked, sigma=np.full(len(time), deviation)),))
     weights = EventFits(structures[0][0], events).noise

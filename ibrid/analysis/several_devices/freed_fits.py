@@ -23,7 +23,7 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.recordings.event_fitter import EventFitter
-from ibrid.gap.recordings.event_noise import FITTED, EventNoise, event_noise
+from ibrid.gap.recordings.event_noise import FITTED_PULSE_ERROR, EventNoise, estimate_event_noise
 from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
@@ -316,10 +316,14 @@ class EventFits(FreedFits):
         voltage between samples.
         """
         model = model_of_record(record)
-        fitter = EventFitter(noise or event_noise(events, events.rests), model.kinds, {}, None)
+        fitter = EventFitter(
+            noise or estimate_event_noise(events, events.rests), model.kinds, {}, None
+        )
         if noise is None:
-            fitter = fitter.of(
-                fitter.noise_for_model(model.diagram, model.limits, model.values, FITTED)
+            fitter = fitter.with_noise(
+                fitter.noise_for_model(
+                    model.diagram, model.limits, model.values, FITTED_PULSE_ERROR
+                )
             )
         self._misfit, self.noise = fitter.misfit(model.diagram, model.limits), fitter.noise
         self.told_by, self.source = self.noise.noise_dof, self.noise.source

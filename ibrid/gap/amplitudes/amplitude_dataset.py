@@ -44,12 +44,12 @@ class AmplitudeDataset(Dataset):
         super().__init__(budget)
         self.data, self.kinds, self.prior = data, kinds, prior
         self.noise = Noise(data.pooled, True, "")
-        self.refitter = SweepFitter(self.noise, kinds, prior, seed)
+        self.sweep_fitter = SweepFitter(self.noise, kinds, prior, seed)
         self._fits: dict[NonlinearityEdit, NonlinearityFit | None] = {}
 
     def _fit_given(self, diagram: Diagram) -> Model | None:
         """The linear model."""
-        refit = self.refitter.fit(diagram, [{}], draws=DRAWS)
+        refit = self.sweep_fitter.fit(diagram, [{}], draws=DRAWS)
         return (
             None
             if refit is None

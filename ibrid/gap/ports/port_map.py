@@ -63,7 +63,7 @@ def port_map(
     *,
     scale: float = 1.0,
     only: Sequence[str] | None = None,
-    look: bool = False,
+    few_steps: bool = False,
 ) -> tuple[PortFit, ...]:
     """One fit for every port of a legal diagram, the least chi2 per degree of freedom first.
 
@@ -84,7 +84,7 @@ def port_map(
         _PortSearch(port, kinds, sweep, prior, scale)
         for port in _select_ports(diagram, kinds, only)
     ]
-    if look:
+    if few_steps:
         looks = [
             one.fit_from_vectors(
                 [one.target.parameter_prior.start(start) for start in starts], LOOK

@@ -1,5 +1,7 @@
-"""The fit of one diagram with its limits to records of events, and to a sweep beside them: one
-parameter set.
+"""The fit of one diagram with its limits to recordings, and to a sweep where there is one.
+
+One parameter set for all data. A fit begins with prediction errors (see `event_misfit`), goes on
+with simulations, and may follow the records as they grow.
 """
 
 from collections.abc import Sequence
@@ -12,9 +14,9 @@ from ibrid.errors import IbridError
 from ibrid.fit.ipopt import minimise
 from ibrid.fit.problem import Misfit
 from ibrid.gap.recordings.cessation import (
-    holds_from_moments,
-    moments_from_hold,
-    with_release_moments,
+    holds_from_release_times,
+    release_times_from_hold,
+    with_release_times,
 )
 from ibrid.gap.recordings.event_misfit import (
     PREDICTION_EFFORT,
@@ -22,7 +24,7 @@ from ibrid.gap.recordings.event_misfit import (
     EventDescent,
     EventMisfit,
 )
-from ibrid.gap.recordings.event_noise import NOMINAL, EventNoise
+from ibrid.gap.recordings.event_noise import NOMINAL_PULSE_ERROR, EventNoise
 from ibrid.gap.refitting.diagram_cache import DiagramCache
 from ibrid.gap.refitting.model import FitResult, Values
 from ibrid.gap.refitting.prior import Prior
@@ -32,22 +34,35 @@ from ibrid.playback.limits import Limit
 from ibrid.playback.player import Player
 from ibrid.structure.diagrams.diagram import Diagram
 
-#: Starts that predictions are followed from, and the factor on the best cost up to which where they
-#: led is descended on.
-FOLLOWED, WORTH = 3, 30.0
-#: Ends of growing records, s after their events begin, before the whole of them: far from the right
-#: values a simulation leaves, or falls out of step, later than that.
-GROWING = (0.003, 0.01, 0.03, 0.1)
-#: Of the solver of record at most, gain of its last steps, and how far it goes: what nothing sees
-#: leads anywhere.
-ITERATIONS, STEPS_GAIN, WITHIN = 20, 1e-5, 0.3
-#: Diagrams with limits whose laws are kept.
+#: Starts that are followed by prediction errors.
+MOST_PREDICTED = 3
+#: Factor on the least simulation cost of several starts up to which one is descended.
+WORTH = 30.0
+#: Lengths of growing records, s after the events begin, before the whole of them: far from the
+#: right values a simulation diverges, or loses synchronism, only later.
+GROWING_LENGTHS = (0.003, 0.01, 0.03, 0.1)
+#: Iterations of Ipopt at most, the relative gain of the last ones, and how far it goes in search
+#: coordinates: directions that are not identifiable lead anywhere.
+IPOPT_ITERATIONS = 20
+IPOPT_GAIN = 1e-5
+IPOPT_RADIUS = 0.3
+#: Diagrams with limits whose compiled equations are kept.
 MOST_KEPT = 150
 
 
 @dataclass(frozen=True, eq=False)
 class EventFit(FitResult):
-    """A diagram with limits at its best parameters. `x` : (P,) in search coordinates."""
+    """A diagram with limits at its best parameters.
+
+    Parameters
+    ----------
+    limits : tuple of Limit
+        Beside the diagram.
+    misfit : EventMisfit
+        What was minimised.
+    x : ndarray
+        (P,) in search coordinates.
+    """
 
     diagram: Diagram
     limits: tuple[Limit, ...]
@@ -57,19 +72,17 @@ class EventFit(FitResult):
 
     @property
     def problem(self) -> EventMisfit:
-        """What has the free numbers."""
+        """The fitting problem, which lists the free parameters."""
         return self.misfit
 
     @property
     def moved(self) -> dict[str, float]:
-        """Parameter with a nominal value -> how far it is from that, in standard deviations of its
-        tolerance.
-        """
+        """Deviation of each parameter with a nominal value from that, in tolerances."""
         return self.misfit.parameter_prior.moved(self.x)
 
     @cached_property
     def residuals(self) -> list[np.ndarray]:
-        """(i_model - i) / sigma, d + j q, (N,) of each record; then those of the sweep's points."""
+        """Whitened residuals: d + j q (N,) of each record, then those of the sweep's points."""
         return [*self.misfit.complex_residuals(self.x), *self.misfit.sweep_residuals(self.x)]
 
     @property
@@ -79,25 +92,38 @@ class EventFit(FitResult):
 
     @cached_property
     def jacobian(self) -> np.ndarray:
-        """Whitened slopes of all numbers by x, the prior's below: (R + P, P)."""
+        """Derivative of all whitened residuals by x, those of the prior last: (R + P, P)."""
         return self.misfit.whitened_jacobian(self.x)
 
 
 class EventFitter:
-    """Fits diagrams with limits to the same records, and to a sweep where there is one."""
+    """Fits diagrams with limits to the same recordings, and to a sweep where there is one.
+
+    Parameters
+    ----------
+    noise : EventNoise
+        Of the recordings; holds these.
+    kinds : Vocabulary
+        Module kinds of the diagrams.
+    prior : Prior
+        Nominal values with tolerances.
+    sweep_fitter : SweepFitter or None
+        Of the sweep; None without one.
+    """
 
     def __init__(
-        self, noise: EventNoise, kinds: Vocabulary, prior: Prior, refitter: SweepFitter | None
+        self, noise: EventNoise, kinds: Vocabulary, prior: Prior, sweep_fitter: SweepFitter | None
     ) -> None:
-        self.noise, self.kinds, self.prior, self.refitter = noise, kinds, prior, refitter
-        self._misfits, self._players = (
-            DiagramCache[EventMisfit](MOST_KEPT),
-            DiagramCache[Player](MOST_KEPT),
-        )
+        self.noise = noise
+        self.kinds = kinds
+        self.prior = prior
+        self.sweep_fitter = sweep_fitter
+        self._misfits = DiagramCache[EventMisfit](MOST_KEPT)
+        self._players = DiagramCache[Player](MOST_KEPT)
 
-    def of(self, noise: EventNoise) -> "EventFitter":
-        """The same for other records; laws are joined once for all."""
-        other = EventFitter(noise, self.kinds, self.prior, self.refitter)
+    def with_noise(self, noise: EventNoise) -> "EventFitter":
+        """Return the fitter of other recordings or weights; compiled equations are shared."""
+        other = EventFitter(noise, self.kinds, self.prior, self.sweep_fitter)
         other._players = self._players
         return other
 
@@ -106,33 +132,39 @@ class EventFitter:
         diagram: Diagram,
         limits: Sequence[Limit],
         values: Values,
-        pulse_error: float = NOMINAL,
+        pulse_error: float = NOMINAL_PULSE_ERROR,
     ) -> EventNoise:
-        """The noise with what a diagram makes of the voltage between samples; as it is where the
-        diagram has no rest.
+        """Return the noise with what a model makes of the unknown voltage between samples.
+
+        Unchanged where the model has no equilibrium.
         """
         try:
             misfit = self.misfit(diagram, limits)
             x = misfit.parameter_prior.start(values)
-            own = {
+            values_by_record = {
                 record.name: misfit.values_for_event(record, x)
                 for record in self.noise.events.records
             }
-            return self.noise.for_model(misfit.player, own, pulse_error)
+            return self.noise.for_model(misfit.player, values_by_record, pulse_error)
         except IbridError:
             return self.noise
 
     def misfit(self, diagram: Diagram, limits: Sequence[Limit]) -> EventMisfit:
-        """Raises DiagramError where the diagram has no matrices."""
-        return self._misfits.of(diagram, lambda: self._misfit(diagram, limits), tuple(limits))
+        """Return the misfit of a diagram; DiagramError where that has no matrices."""
+        return self._misfits.get_or_make(
+            diagram, lambda: self._build_misfit(diagram, limits), tuple(limits)
+        )
 
-    def _misfit(self, diagram: Diagram, limits: Sequence[Limit]) -> EventMisfit:
-        sweep = None if self.refitter is None else Misfit(self.refitter.problem(diagram), "chi2")
-        return EventMisfit(self._player(diagram, limits), limits, self.noise, self.prior, sweep)
+    def _build_misfit(self, diagram: Diagram, limits: Sequence[Limit]) -> EventMisfit:
+        sweep_misfit = None
+        if self.sweep_fitter is not None:
+            sweep_misfit = Misfit(self.sweep_fitter.problem(diagram), "chi2")
+        player = self._player(diagram, limits)
+        return EventMisfit(player, limits, self.noise, self.prior, sweep_misfit)
 
     def _player(self, diagram: Diagram, limits: Sequence[Limit]) -> Player:
         omega_0 = self.noise.events.omega_0
-        return self._players.of(
+        return self._players.get_or_make(
             diagram, lambda: Player(diagram, self.kinds, limits, omega_0), tuple(limits)
         )
 
@@ -142,68 +174,90 @@ class EventFitter:
         limits: Sequence[Limit],
         starts: Sequence[Values],
         *,
-        led: bool = True,
+        predict_first: bool = True,
         growing: bool = False,
     ) -> EventFit | None:
-        """The best start descended, by predictions first; None where none has an answer or the
-        diagram no matrices.
+        """Descend from the best start and return the fit.
 
-        led : False from values that are nearly right. growing : on the first milliseconds first,
-        and on and on: no simulation leaves where nothing has happened yet, and where nothing is
-        missing that leads further than predictions, which serve a cessation all the same.
+        Parameters
+        ----------
+        starts : sequence of mapping
+            Initial values by name; what they lack is the nominal value.
+        predict_first : bool
+            Follow prediction errors before simulations; not needed from values that are nearly
+            right.
+        growing : bool
+            Follow the records as they grow from their first milliseconds instead. No simulation
+            diverges where nothing has happened yet, and where nothing is missing in the model this
+            leads further than predictions; these serve a momentary cessation all the same.
+
+        Returns
+        -------
+        EventFit or None
+            None where no start can be simulated, or the diagram has no matrices.
         """
         try:
             misfit = self.misfit(diagram, limits)
-            followed = self.misfit(diagram, with_release_moments(limits))
+            release_misfit = self.misfit(diagram, with_release_times(limits))
         except IbridError:
             return None
-        if followed is misfit:
-            descent = _descend_best_start(
-                misfit, _follow_growing_records(misfit, starts) if growing else starts, led=led
-            )
+        if release_misfit is misfit:
+            if growing:
+                starts = _follow_growing_records(misfit, starts)
+            descent = _descend_best_start(misfit, starts, predict_first=predict_first)
         else:
-            whole = [misfit.values(misfit.parameter_prior.start(values)) for values in starts]
-            moments = [
-                moved for values in whole for moved in moments_from_hold(values, self.noise.events)
-            ]
-            seen = _descend_best_start(followed, moments, led=led or growing)
-            held = misfit.start_descents_from(
-                holds_from_moments(followed, seen.x) if seen else [], 1
-            )
-            descent = (
-                held[0].run(*SIMULATION_EFFORT)
-                if held
-                else _descend_best_start(misfit, starts, led=led or growing)
-            )
-        return self.at(diagram, limits, descent.x) if descent else None
+            predict_first = predict_first or growing
+            descent = self._descend_cessation(misfit, release_misfit, starts, predict_first)
+        return None if descent is None else self.at(diagram, limits, descent.x)
+
+    def _descend_cessation(
+        self,
+        misfit: EventMisfit,
+        release_misfit: EventMisfit,
+        starts: Sequence[Values],
+        predict_first: bool,
+    ) -> EventDescent | None:
+        """Descend with a momentary cessation, by its release times first.
+
+        From the starts themselves where no record shows a hold time.
+        """
+        complete = [misfit.values(misfit.parameter_prior.start(values)) for values in starts]
+        events = self.noise.events
+        release_starts: list[Values] = [
+            start for values in complete for start in release_times_from_hold(values, events)
+        ]
+        released = _descend_best_start(release_misfit, release_starts, predict_first=predict_first)
+        holds = [] if released is None else holds_from_release_times(release_misfit, released.x)
+        for descent in misfit.start_descents_from(holds, 1):
+            return descent.run(*SIMULATION_EFFORT)
+        return _descend_best_start(misfit, starts, predict_first=predict_first)
 
     def fit_predictions(
         self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
     ) -> Values:
-        """Values to which predictions lead the best start; the first start where none has an
-        answer.
+        """Descend on prediction errors from the best start and return the values.
+
+        The first start where none can be predicted from.
         """
         misfit = self.misfit(diagram, limits).prediction
-        best = misfit.start_descents_from(starts, 1)
-        return (
-            best[0].run(*PREDICTION_EFFORT).values
-            if best
-            else misfit.values(misfit.parameter_prior.start(starts[0]))
-        )
+        for descent in misfit.start_descents_from(starts, 1):
+            return descent.run(*PREDICTION_EFFORT).values
+        return misfit.values(misfit.parameter_prior.start(starts[0]))
 
     def screen(
         self, diagram: Diagram, limits: Sequence[Limit], starts: Sequence[Values]
     ) -> EventDescent | None:
-        """The best start by predictions after a step; None where none has an answer."""
+        """Take one step on prediction errors from the best start; None without a response."""
         try:
             misfit = self.misfit(diagram, limits).prediction.coarse
         except IbridError:
             return None
-        begun = misfit.start_descents_from(starts, 1)
-        return begun[0].run(1, 1) if begun else None
+        for descent in misfit.start_descents_from(starts, 1):
+            return descent.run(1, 1)
+        return None
 
     def at(self, diagram: Diagram, limits: Sequence[Limit], x: np.ndarray) -> EventFit:
-        """A diagram at given search coordinates."""
+        """Evaluate a diagram at search coordinates x (P,)."""
         misfit = self.misfit(diagram, limits)
         penalty = float(misfit.parameter_prior.penalty_terms(x)[0])
         cost = float(misfit.at(x[None]).cost[0])
@@ -222,60 +276,65 @@ class EventFitter:
         )
 
     def polish(self, fit: EventFit) -> EventFit:
-        """A fit as the solver of record leaves it; as it is where the model jumps, for which Ipopt
-        has no slopes.
+        """Take a fit to its minimum by Ipopt.
+
+        Unchanged where the model is discontinuous in a parameter, which Ipopt cannot treat.
         """
         if fit.misfit.is_discontinuous.any():
             return fit
         low, high = fit.misfit.box
-        box = np.maximum(low, fit.x - WITHIN), np.minimum(high, fit.x + WITHIN)
-        x, *_ = minimise(
-            fit.misfit.evaluate_objective, box, fit.x, iterations=ITERATIONS, gain=STEPS_GAIN
-        )
-        return min((fit, self.at(fit.diagram, fit.limits, x)), key=lambda one: one.cost)
+        bounds = (np.maximum(low, fit.x - IPOPT_RADIUS), np.minimum(high, fit.x + IPOPT_RADIUS))
+        objective = fit.misfit.evaluate_objective
+        x, *_ = minimise(objective, bounds, fit.x, iterations=IPOPT_ITERATIONS, gain=IPOPT_GAIN)
+        polished = self.at(fit.diagram, fit.limits, x)
+        return min((fit, polished), key=lambda candidate: candidate.cost)
 
     def evaluate_values(
         self, diagram: Diagram, limits: Sequence[Limit], values: Values
     ) -> EventFit:
-        """A diagram at values by name; what they lack is the nominal or the typical value."""
+        """Evaluate a diagram at values by name; what they lack is the nominal or typical value."""
         return self.at(diagram, limits, self.misfit(diagram, limits).parameter_prior.start(values))
 
 
 def _descend_best_start(
-    misfit: EventMisfit, starts: Sequence[Values], *, led: bool
+    misfit: EventMisfit, starts: Sequence[Values], *, predict_first: bool
 ) -> EventDescent | None:
-    """The best start at its end, by predictions first."""
-    ends = [one.x for one in misfit.start_descents_from(starts, 1)]
-    if led:
-        ends += [
-            one.run(*PREDICTION_EFFORT).x
-            for one in misfit.prediction.start_descents_from(starts, FOLLOWED)
-        ]
-    plain = misfit.start_descents(np.array(ends), len(ends)) if ends else []
-    worth = [
-        one for one in plain if one.cost <= WORTH * plain[0].cost
-    ]  # all of them before any is descended
-    return min(
-        (one.run(*SIMULATION_EFFORT) for one in worth), key=lambda one: one.cost, default=None
-    )
+    """Descend on simulations from the best start and from those nearly as good.
+
+    predict_first : also from where prediction errors lead the best starts.
+    """
+    candidates = [descent.x for descent in misfit.start_descents_from(starts, 1)]
+    if predict_first:
+        predictions = misfit.prediction.start_descents_from(starts, MOST_PREDICTED)
+        candidates += [descent.run(*PREDICTION_EFFORT).x for descent in predictions]
+    if not candidates:
+        return None
+    descents = misfit.start_descents(np.array(candidates), len(candidates))
+    # all are selected before any is descended
+    worth = [descent for descent in descents if descent.cost <= WORTH * descents[0].cost]
+    ends = [descent.run(*SIMULATION_EFFORT) for descent in worth]
+    return min(ends, key=lambda end: end.cost, default=None)
 
 
 def _follow_growing_records(misfit: EventMisfit, starts: Sequence[Values]) -> Sequence[Values]:
-    """Where the records lead the best start as they grow.
+    """Descend on the records as they grow, and return where that leads the best start.
 
-    The starts themselves where none has an answer, and of frames of an estimator, whose windows
-    tell nothing of the first milliseconds.
+    The starts themselves where none can be simulated, and of the frames of an estimator, whose
+    windows show nothing of the first milliseconds.
     """
-    if any(one.smeared for one in misfit.noise.events.records):
+    records = misfit.noise.events.records
+    if any(record.smeared for record in records):
         return starts
-    longest = max(float(one.time[-1]) - one.rest_end for one in misfit.noise.events.records)
-    for seconds in (one for one in GROWING if one < longest):
-        descent = _descend_best_start(misfit.until(seconds), starts, led=False)
+    longest = max(float(record.time[-1]) - record.rest_end for record in records)
+    for seconds in GROWING_LENGTHS:
+        if seconds >= longest:
+            continue
+        descent = _descend_best_start(misfit.until(seconds), starts, predict_first=False)
         starts = [descent.values] if descent else starts
     return starts
 
 
 def select_events(noise: EventNoise, name: str, *, hold: bool = False) -> EventNoise:
-    """All records but one; or that one alone."""
-    names = [one for one in noise.events.names if (one == name) is hold]
+    """Return the noise of all records but one; with `hold`, of that one alone."""
+    names = [event for event in noise.events.names if (event == name) is hold]
     return noise.only(*names)

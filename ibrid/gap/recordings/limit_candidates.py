@@ -1,255 +1,309 @@
-"""Which of many forms of a missing limit explain records: all set out, and heat by heat those that
-lag behind stay.
+"""Screening of candidates for a missing limit by successive halving.
 
-A limit that is missing has bent the rest of a model, and a fit of every form to its end takes
-minutes. So predictions rank them: where the values of a form are led by some steps tells apart what
-costs before any step do not. Those in front go on to the whole record; the others are tried beside
-what the first of them found for the rest of the model.
+A missing limit biases all parameters, and a full fit of every candidate takes minutes. Prediction
+errors rank them: the cost after some descent steps distinguishes limits that the cost before any
+step does not. The survivors are fitted to the whole recordings; the others are then fitted from the
+values that the best survivor found for the rest of the model.
 """
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
 
 import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.gap.recordings.cessation import (
-    holds_from_moments,
-    moments_from_hold,
-    with_release_moments,
+    holds_from_release_times,
+    release_times_from_hold,
+    with_release_times,
 )
 from ibrid.gap.recordings.event_fitter import WORTH, EventFit, EventFitter
 from ibrid.gap.recordings.event_misfit import SIMULATION_EFFORT, EventDescent, EventMisfit
 from ibrid.gap.recordings.limit_edits import LimitEdit
+from ibrid.gap.recordings.settings import SCREENING
+from ibrid.gap.recordings.successive_halving import Entrant, rank_entrants, run_rungs
 from ibrid.gap.refitting.model import Values
 from ibrid.playback.limits import UNTIL, Limit
-
-What = TypeVar("What")
-
-#: Starts from which a form sets out, about the first origin and about each other one.
-FOLLOWED = (2, 1)
-#: Starts of a form beyond which they are tried in two turns, and how many are kept in between.
-MANY, NEAR = 100, 4
-#: Rounds of a heat by predictions, steps of each, and how many go on.
-FIRST_HEAT, HEATS = (1, 1, 24), ((1, 3, 12), (3, 2, 6), (5, 2, 4))
-#: Part of the cost of predictions without a limit, of which the right one leaves less after the
-#: first heat and after the second: 0.5 and 0.07 at most in drawn devices, while others leave 0.96
-#: and 0.7 where none is missing. Factor on the cost of the first beyond which another form is no
-#: rival.
-MISSING, HOPELESS = (0.9, 0.5), 10.0
-#: Relative change of a cost below which a limit does not act.
-IDLE = 1e-9
-#: Rounds beside what the first found, steps of each; and beside a model that explains all, where
-#: little is to be gained.
-BESIDE, BRIEFLY = (2, 3), (1, 2)
 
 
 @dataclass(frozen=True, eq=False)
 class LimitCandidate:
-    """A form as it is followed: `misfit`, and the `starts` of its own numbers; `place` and all
-    `limits` of the model with it.
+    """A model with one limit added or removed, as it is screened.
 
-    A cessation is followed by its moments of release.
+    Parameters
+    ----------
+    edit : LimitEdit
+        The edit that leads to it.
+    limits : tuple of Limit
+        All limits of the model with the edit.
+    misfit : EventMisfit
+        Of that model; a momentary cessation is screened by its release times.
+    starts : tuple of mapping
+        Initial values of the limit's own parameters.
     """
 
-    place: LimitEdit
+    edit: LimitEdit
     limits: tuple[Limit, ...]
     misfit: EventMisfit
     starts: tuple[Values, ...]
 
-    def start_descent(
-        self, origins: Sequence[Values], number: int, *, whole: bool = False
-    ) -> list[EventDescent]:
-        """The best starts about values of the other parameters, by predictions or on `whole`
-        records.
+    def start_predictions(self, origins: Sequence[Values], number: int) -> list[EventDescent]:
+        """Return the best descents on prediction errors, best first.
+
+        origins : values of the other parameters.
         """
-        misfit, starts = self.misfit if whole else self.misfit.prediction.coarse, self.starts
-        values = [{**origin, **start} for start in starts for origin in origins]
-        if len(starts) > MANY:  # the last number of the form is tried where the others lead
-            last = f"{self.place.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
-            levels = sorted({one[last] for one in starts})
-            near = misfit.start_descents_from(
-                [one for one in values if one[last] == levels[len(levels) // 2]], NEAR
-            )
-            values = [{**one.values, last: level} for one in near for level in levels]
+        return self._start_descents(self.misfit.prediction.coarse, origins, number)
+
+    def start_simulations(self, origins: Sequence[Values], number: int) -> list[EventDescent]:
+        """Return the best descents on whole recordings, best first."""
+        return self._start_descents(self.misfit, origins, number)
+
+    def _start_descents(
+        self, misfit: EventMisfit, origins: Sequence[Values], number: int
+    ) -> list[EventDescent]:
+        values: list[Values] = [{**origin, **start} for start in self.starts for origin in origins]
+        if len(self.starts) > SCREENING.most_grid_starts:
+            values = self._thin_grid(misfit, values)
         return misfit.start_descents_from(values, number)
 
-    def fitted(self, fitter: EventFitter, x: np.ndarray) -> EventFit | None:
-        """The model with this form; None where no record shows a hold."""
+    def _thin_grid(self, misfit: EventMisfit, values: list[Values]) -> list[Values]:
+        """Try the last parameter of the limit only near the best values of the others."""
+        last = f"{self.edit.effect}.{list(self.misfit.limits[-1].parameters)[-1]}"
+        levels = sorted({start[last] for start in self.starts})
+        middle = levels[len(levels) // 2]
+        at_middle = [start for start in values if start[last] == middle]
+        best = misfit.start_descents_from(at_middle, SCREENING.kept_grid_starts)
+        return [{**descent.values, last: level} for descent in best for level in levels]
+
+    def fit_at(self, fitter: EventFitter, x: np.ndarray) -> EventFit | None:
+        """Return the fit of the model at x (P,); None where no record shows a hold time."""
+        diagram = self.edit.diagram
         if UNTIL not in self.misfit.limits:
-            return fitter.at(self.place.diagram, self.limits, x)
-        held = fitter.misfit(self.place.diagram, self.limits)
-        for one in held.start_descents_from(holds_from_moments(self.misfit, x), 1):
-            return fitter.at(
-                self.place.diagram, self.limits, (one if one.is_far else one.run(*BESIDE)).x
-            )
+            return fitter.at(diagram, self.limits, x)
+        misfit = fitter.misfit(diagram, self.limits)
+        for descent in misfit.start_descents_from(holds_from_release_times(self.misfit, x), 1):
+            if not descent.is_far:
+                descent.run(*SCREENING.beside_effort)
+            return fitter.at(diagram, self.limits, descent.x)
         return None
 
 
-#: A form, and how far it has come.
-Entrant = tuple[LimitCandidate, EventDescent]
+LimitEntrant = Entrant[LimitCandidate]
 
 
 def screen_limits(
     fitter: EventFitter,
-    places: Sequence[LimitEdit],
-    beside: Callable[[LimitEdit], tuple[Limit, ...]],
+    edits: Sequence[LimitEdit],
+    limits_with: Callable[[LimitEdit], tuple[Limit, ...]],
     origins: Sequence[Values],
     *,
-    led: bool = True,
+    predict_first: bool = True,
 ) -> list[EventFit | None]:
-    """The fit of each form, None where it has no answer.
+    """Fit a model with each of several limits and return the fits; None without a simulation.
 
-    beside : all limits of a model with a form. origins : values of the other parameters. led :
-    False where a model explains the records already, and no form is followed far.
+    Parameters
+    ----------
+    limits_with : callable
+        All limits of the model with an edit.
+    origins : sequence of mapping
+        Values of the other parameters.
+    predict_first : bool
+        False where the model explains the data already, and no candidate is followed far.
     """
-    forms = [
-        form
-        for place in places
-        if (form := _build_candidate(fitter, place, beside(place))) is not None
+    built = [_build_candidate(fitter, edit, limits_with(edit)) for edit in edits]
+    candidates = [candidate for candidate in built if candidate is not None]
+    baseline = _prediction_cost_without_limit(fitter, edits, limits_with, origins)
+    if not predict_first:
+        others = _fit_briefly(candidates, origins, baseline)
+        return _collect_fits(fitter, edits, others)
+    entrants = _enter_candidates(candidates, origins)
+    survivors = _run_prediction_rungs(entrants, baseline)
+    if not survivors:  # no limit is missing
+        return _collect_fits(fitter, edits, entrants)
+    hopeless = _list_hopeless(entrants, survivors[0].descent.cost)
+    simulated = [
+        Entrant(candidate, candidate.misfit.start_descent(descent.x))
+        for candidate, descent in survivors
     ]
-    lacking = _cost_without_limit(fitter, places, beside, origins)
-    runners = _enter_candidates(forms, origins) if led else []
-    front = _run_prediction_rungs(runners, lacking)
-    if led and not front:  # no limit is what is missing
-        return _fit_entrants(fitter, places, runners)
-    least = _best_entrants(runners)
-    hopeless = {place for place, one in least.items() if one[1].cost > HOPELESS * front[0][1].cost}
-    whole = rank_entrants(
-        [(form, form.misfit.start_descent(one.x)) for form, one in front], len(front)
-    )
+    simulated = rank_entrants(simulated, len(simulated))
+    winner = _simulate_best(simulated)
+    others = _fit_others(candidates, winner, origins, hopeless)
+    return _collect_fits(fitter, edits, [*simulated, *others])
+
+
+def _list_hopeless(entrants: Sequence[LimitEntrant], least_cost: float) -> set[LimitEdit]:
+    """List the edits whose best entrant is far worse than the best of all."""
+    limit = SCREENING.hopeless_cost * least_cost
+    return {
+        edit for edit, entrant in _best_by_edit(entrants).items() if entrant.descent.cost > limit
+    }
+
+
+def _simulate_best(ranked: Sequence[LimitEntrant]) -> LimitEntrant | None:
+    """Descend the ranked entrants on whole recordings until one explains them; return the best."""
     worth = [
-        (form, one) for form, one in whole if one.cost <= WORTH * whole[0][1].cost
-    ]  # all before any is descended
-    for _, descent in worth:
-        if descent.run(*SIMULATION_EFFORT).explains:
+        entrant for entrant in ranked if entrant.descent.cost <= WORTH * ranked[0].descent.cost
+    ]  # selected before any descends
+    for entrant in worth:
+        if entrant.descent.run(*SIMULATION_EFFORT).explains:
             break
-    ended = rank_entrants(worth, 1)
-    for _, descent in ended:
-        descent.restart_while_improving()
-    others = [one.values for _, one in ended] or origins
-    explained = any(one.explains for _, one in ended)
-    for form in forms:
-        if all(form is not other for other, _ in ended):
-            begun = form.start_descent(others, 1)
-            led_to = [form.misfit.start_descent(one.x) for one in begun]
-            starts = [one for one in led_to if np.isfinite(one.cost)] or form.start_descent(
-                others, 1, whole=True
-            )
-            effort = BRIEFLY if not led or form.place in hopeless else BESIDE
-            never_acts = all(abs(one.cost - lacking) <= IDLE * lacking for one in begun)
-            idle = not led and np.isfinite(lacking) and never_acts
-            whole += [
-                (form, one if idle or (explained and one.is_far) else one.run(*effort))
-                for one in starts
-            ]
-    return _fit_entrants(fitter, places, whole)
+    winner = next(iter(rank_entrants(worth, 1)), None)
+    if winner is not None:
+        winner.descent.restart_while_improving()
+    return winner
+
+
+def _fit_others(
+    candidates: Sequence[LimitCandidate],
+    winner: LimitEntrant | None,
+    origins: Sequence[Values],
+    hopeless: set[LimitEdit],
+) -> list[LimitEntrant]:
+    """Fit the other candidates from the values that the winner found for the rest of the model."""
+    explained = winner is not None and winner.descent.explains
+    values = origins if winner is None else [winner.descent.values]
+    entrants: list[LimitEntrant] = []
+    for candidate in candidates:
+        if winner is not None and candidate is winner.candidate:
+            continue
+        effort = SCREENING.beside_effort
+        if candidate.edit in hopeless:
+            effort = SCREENING.brief_effort
+        predictions = candidate.start_predictions(values, 1)
+        for descent in _start_simulations(candidate, predictions, values):
+            if not (explained and descent.is_far):
+                descent.run(*effort)
+            entrants.append(Entrant(candidate, descent))
+    return entrants
+
+
+def _fit_briefly(
+    candidates: Sequence[LimitCandidate], origins: Sequence[Values], baseline: float
+) -> list[LimitEntrant]:
+    """Fit candidates briefly; a limit that does not change the predictions is left as it is."""
+    entrants: list[LimitEntrant] = []
+    for candidate in candidates:
+        predictions = candidate.start_predictions(origins, 1)
+        tolerance = SCREENING.inactive_change * baseline
+        never_acts = all(abs(start.cost - baseline) <= tolerance for start in predictions)
+        is_inactive = np.isfinite(baseline) and never_acts
+        for descent in _start_simulations(candidate, predictions, origins):
+            if not is_inactive:
+                descent.run(*SCREENING.brief_effort)
+            entrants.append(Entrant(candidate, descent))
+    return entrants
+
+
+def _start_simulations(
+    candidate: LimitCandidate, predictions: Sequence[EventDescent], values: Sequence[Values]
+) -> list[EventDescent]:
+    """Begin on whole recordings where predictions end; where that diverges, from the values."""
+    descents = [candidate.misfit.start_descent(prediction.x) for prediction in predictions]
+    simulated = [descent for descent in descents if np.isfinite(descent.cost)]
+    return simulated or candidate.start_simulations(values, 1)
 
 
 def refit_by_predictions(
-    fit: EventFit, fitter: EventFitter, loose: EventFitter, rest: Iterable[str]
+    fit: EventFit, fitter: EventFitter, loose: EventFitter, names: Iterable[str]
 ) -> EventFit:
-    """The fit of a form, led once more by the weights of another fitter, from where it is and from
-    what is believed of the rest of the model, and then by its own; the better of both.
+    """Refit a model with a limit by prediction errors in looser weights, and return the better fit.
 
-    A race has bent the rest, and by sharp weights a descent stops in the next valley. rest : names
-    of its numbers.
+    Screening has biased the rest of the model, and by sharp weights a descent stops in the next
+    local minimum.
+
+    Parameters
+    ----------
+    loose : EventFitter
+        Of the same records, in looser weights.
+    names : iterable of str
+        Parameters of the rest of the model, which begin at their nominal values, too.
     """
-    own = {name: value for name, value in fit.values.items() if name not in set(rest)}
-    led = [loose.fit(fit.diagram, fit.limits, [values]) for values in (own, fit.values)]
-    starts = [one.values for one in led if one is not None]
-    again = fitter.fit(fit.diagram, fit.limits, starts, led=False) if starts else None
-    return fit if again is None or again.cost >= fit.cost else again
+    names = set(names)
+    own_values = {name: value for name, value in fit.values.items() if name not in names}
+    fits = [loose.fit(fit.diagram, fit.limits, [start]) for start in (own_values, fit.values)]
+    starts = [loose_fit.values for loose_fit in fits if loose_fit is not None]
+    if not starts:
+        return fit
+    refit = fitter.fit(fit.diagram, fit.limits, starts, predict_first=False)
+    return fit if refit is None or refit.cost >= fit.cost else refit
 
 
-def _enter_candidates(forms: Sequence[LimitCandidate], origins: Sequence[Values]) -> list[Entrant]:
-    """All forms set out from all origins."""
-    return [
-        (form, one)
-        for form in forms
-        for place, origin in enumerate(origins)
-        for one in form.start_descent([origin], FOLLOWED[min(place, 1)])
-    ]
+def _enter_candidates(
+    candidates: Sequence[LimitCandidate], origins: Sequence[Values]
+) -> list[LimitEntrant]:
+    """Begin every candidate from every origin, by prediction errors."""
+    entrants: list[LimitEntrant] = []
+    for candidate in candidates:
+        for number, origin in enumerate(origins):
+            starts = SCREENING.limit_starts if number else SCREENING.limit_starts_first_origin
+            descents = candidate.start_predictions([origin], starts)
+            entrants += [Entrant(candidate, descent) for descent in descents]
+    return entrants
 
 
-def _run_prediction_rungs(runners: list[Entrant], lacking: float) -> list[Entrant]:
-    """Run all heats and return those in front; none where no limit predicts clearly better than the
-    model without one.
+def _run_prediction_rungs(entrants: list[LimitEntrant], baseline: float) -> list[LimitEntrant]:
+    """Run all rungs and return the survivors; [] where no limit predicts clearly better than none.
 
-    lacking : cost of predictions without a limit.
+    baseline : prediction cost of the model without a limit.
     """
-    for heat, most in zip((FIRST_HEAT, HEATS[0]), MISSING, strict=True):
-        runners = run_rungs(runners, [heat])
-        if not runners or runners[0][1].cost > most * lacking:
+    first, second, *others = SCREENING.limit_rungs
+    for rung, part in ((first, SCREENING.first_rung_cost), (second, SCREENING.second_rung_cost)):
+        entrants = run_rungs(entrants, [rung])
+        if not entrants or entrants[0].descent.cost > part * baseline:
             return []
-    return run_rungs(runners, HEATS[1:])
+    return run_rungs(entrants, others)
 
 
-def _cost_without_limit(
+def _prediction_cost_without_limit(
     fitter: EventFitter,
-    places: Sequence[LimitEdit],
-    beside: Callable[[LimitEdit], tuple[Limit, ...]],
+    edits: Sequence[LimitEdit],
+    limits_with: Callable[[LimitEdit], tuple[Limit, ...]],
     origins: Sequence[Values],
 ) -> float:
-    """The least cost of predictions of the model that lacks a limit."""
-    added = next((one for one in places if one.change == "add"), None)
+    """Return the least prediction cost of the model without a further limit."""
+    added = next((edit for edit in edits if edit.change == "add"), None)
     if added is None:
         return np.inf
-    lacking = tuple(one for one in beside(added) if one is not added.limit)
-    misfit = fitter.misfit(added.diagram, lacking).prediction.coarse
-    return min((one.cost for one in misfit.start_descents_from(origins, 1)), default=np.inf)
+    without = tuple(limit for limit in limits_with(added) if limit is not added.limit)
+    misfit = fitter.misfit(added.diagram, without).prediction.coarse
+    descents = misfit.start_descents_from(origins, 1)
+    return min((descent.cost for descent in descents), default=np.inf)
 
 
-def _fit_entrants(
-    fitter: EventFitter, places: Sequence[LimitEdit], runners: Sequence[Entrant]
+def _collect_fits(
+    fitter: EventFitter, edits: Sequence[LimitEdit], entrants: Sequence[LimitEntrant]
 ) -> list[EventFit | None]:
-    """The fit of each form where the best of those that ran for it is, on whole records."""
-    best = _best_entrants(runners)
-    return [
-        None if (pair := best.get(one)) is None else pair[0].fitted(fitter, pair[1].x)
-        for one in places
-    ]
+    """Return the fit of the best entrant of each edit; None where it has none."""
+    best = _best_by_edit(entrants)
+    fits: list[EventFit | None] = []
+    for edit in edits:
+        entrant = best.get(edit)
+        fit = None
+        if entrant is not None:
+            fit = entrant.candidate.fit_at(fitter, entrant.descent.x)
+        fits.append(fit)
+    return fits
 
 
-def _best_entrants(runners: Sequence[Entrant]) -> dict[LimitEdit, Entrant]:
-    """Place -> the best of those that ran for it."""
-    return {form.place: (form, one) for form, one in reversed(rank_entrants(runners, len(runners)))}
-
-
-def run_rungs(
-    runners: list[tuple[What, EventDescent]], heats: Iterable[tuple[int, int, int]] = HEATS
-) -> list[tuple[What, EventDescent]]:
-    """Those in front after all heats, the first one first."""
-    for rounds, steps, number in heats:
-        for _, one in runners:
-            one.run(rounds, steps)
-        runners = rank_entrants(runners, number)
-    return runners
+def _best_by_edit(entrants: Sequence[LimitEntrant]) -> dict[LimitEdit, LimitEntrant]:
+    """Return the entrant of least cost of each edit."""
+    worst_first = reversed(rank_entrants(entrants, len(entrants)))
+    return {entrant.candidate.edit: entrant for entrant in worst_first}
 
 
 def _build_candidate(
-    fitter: EventFitter, place: LimitEdit, limits: tuple[Limit, ...]
+    fitter: EventFitter, edit: LimitEdit, limits: tuple[Limit, ...]
 ) -> LimitCandidate | None:
+    """Build the candidate of an edit; None where the diagram has no matrices."""
+    is_cessation = edit.change == "add" and edit.limit.id == UNTIL.id
     try:
-        if place.change != "add" or place.limit.id != UNTIL.id:
-            return LimitCandidate(place, limits, fitter.misfit(place.diagram, limits), place.starts)
+        if not is_cessation:
+            return LimitCandidate(edit, limits, fitter.misfit(edit.diagram, limits), edit.starts)
         events = fitter.noise.events
-        misfit = fitter.misfit(place.diagram, with_release_moments(limits))
-        return LimitCandidate(
-            place,
-            limits,
-            misfit,
-            tuple(moved for one in place.starts for moved in moments_from_hold(one, events)),
-        )
+        misfit = fitter.misfit(edit.diagram, with_release_times(limits))
+        starts = [
+            values for start in edit.starts for values in release_times_from_hold(start, events)
+        ]
+        return LimitCandidate(edit, limits, misfit, tuple(starts))
     except IbridError:
         return None
-
-
-def rank_entrants(
-    runners: Iterable[tuple[What, EventDescent]], number: int
-) -> list[tuple[What, EventDescent]]:
-    """Those in front, by the cost of where they are; what has no answer is out."""
-    return sorted(
-        (pair for pair in runners if np.isfinite(pair[1].cost)), key=lambda pair: pair[1].cost
-    )[:number]

@@ -1,6 +1,4 @@
-"""Where limits may be missing in a model, or in a device: every form at its place, with values that
-a fit begins with.
-"""
+"""Limits that may be missing in a model, or too many, as edits with initial values."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -15,15 +13,24 @@ from ibrid.playback.limits import LIMITS, Limit, applicable
 from ibrid.playback.places import Places, places_of
 from ibrid.structure.diagrams.diagram import Diagram
 
-#: Levels between the least and the largest that a record shows, at which a threshold is looked for.
-LEVELS = 9
+#: Initial thresholds between the least and the largest value that the records show.
+THRESHOLDS = 9
+#: Part of the voltage drop, from the lowest voltage up, at which voltage thresholds begin and end.
+VOLTAGE_SPAN = (0.08, 0.95)
+#: Initial limits of the voltage command over the steady-state voltage, and how many: the command
+#: may lie below the voltage at the terminals.
+COMMAND_SPAN = (0.86, 1.45)
+COMMAND_LIMITS = 14
 
 
 @dataclass(frozen=True, eq=False)
 class LimitEdit(Insertion):
-    """A limit put beside a model, or taken from it.
+    """A limit added to a model, or removed from it.
 
-    `starts` : values of its parameters to begin with.
+    Parameters
+    ----------
+    starts : tuple of mapping
+        Initial values of its parameters.
     """
 
     limit: Limit
@@ -32,7 +39,7 @@ class LimitEdit(Insertion):
     __hash__ = object.__hash__
 
     def __eq__(self, other: object) -> bool:
-        """A place is itself alone."""
+        """Compare by identity."""
         return self is other
 
 
@@ -44,61 +51,62 @@ def list_limit_edits(
     *,
     given: Sequence[Limit] = (),
 ) -> Iterator[LimitEdit]:
-    """Every limit that a model with some limits lacks; and those of the given model, to be taken
-    away.
+    """Yield every limit that a model lacks, and the limits of the given model to be removed.
+
+    Parameters
+    ----------
+    limits : sequence of Limit
+        Those that the model has.
+    given : sequence of Limit
+        Those of the given model.
     """
     places = places_of(diagram, kinds)
-    present = {one.id for one in limits}
+    present = {limit.id for limit in limits}
     for limit in limits:
         if limit in given:
-            yield LimitEdit(limit.id, "remove", where(limit, places), diagram, {}, {}, limit, ({},))
+            location = describe_location(limit, places)
+            yield LimitEdit(limit.id, "remove", location, diagram, {}, {}, limit, ({},))
     for limit in LIMITS:
-        if limit.id not in present and applicable(limit, places):
-            banks = _banks(limit, events)
-            starts = tuple(
-                {f"{limit.id}.{name}": value for name, value in zip(banks, values, strict=True)}
-                for values in product(*banks.values())
-            )
-            named = {f"{limit.id}.{name}": bank for name, bank in banks.items()}
-            yield LimitEdit(
-                limit.id, "add", where(limit, places), diagram, named, {}, limit, starts
-            )
+        if limit.id in present or not applicable(limit, places):
+            continue
+        initial = _initial_values(limit, events)
+        names = [f"{limit.id}.{name}" for name in initial]
+        by_name = dict(zip(names, initial.values(), strict=True))
+        starts = tuple(
+            dict(zip(names, values, strict=True)) for values in product(*initial.values())
+        )
+        location = describe_location(limit, places)
+        yield LimitEdit(limit.id, "add", location, diagram, by_name, {}, limit, starts)
 
 
-def where(limit: Limit, places: Places | None) -> str:
-    """The place in names of the program, and the form."""
+def describe_location(limit: Limit, places: Places | None) -> str:
+    """Describe where a limit acts, in names of the program, and its form."""
     if places is None:
         return limit.words
-    port = {"pll_freeze": places.pll, "command_limit": places.command}.get(
-        limit.id, places.reference
-    )
-    return f"at {port}" + (f", {limit.words}" if limit.words else "")
+    ports = {"pll_freeze": places.pll, "command_limit": places.command}
+    location = f"at {ports.get(limit.id, places.reference)}"
+    return f"{location}, {limit.words}" if limit.words else location
 
 
-def _banks(limit: Limit, events: Events) -> dict[str, tuple[float, ...]]:
-    """Values to begin with: thresholds of voltage and current from what the records show."""
-    size = [np.hypot(*record.v.T) for record in events.records]
-    lowest, rest = (
-        min(float(one.min()) for one in size),
-        max(record.rest.v for record in events.records),
-    )
-    resting = max(float(np.hypot(*record.i_rest)) for record in events.records)
-    most = max(float(np.hypot(*record.i.T).max()) for record in events.records)
-    voltages = lowest + (rest - lowest) * np.linspace(0.08, 0.95, LEVELS)
-    shown: dict[str, np.ndarray] = {
+def _initial_values(limit: Limit, events: Events) -> dict[str, tuple[float, ...]]:
+    """Return initial values of each parameter; thresholds within what the records show."""
+    records = events.records
+    lowest_voltage = min(float(np.hypot(*record.v.T).min()) for record in records)
+    steady_voltage = max(record.rest.v for record in records)
+    steady_current = max(float(np.hypot(*record.i_rest)) for record in records)
+    largest_current = max(float(np.hypot(*record.i.T).max()) for record in records)
+    drop = steady_voltage - lowest_voltage
+    voltages = lowest_voltage + drop * np.linspace(*VOLTAGE_SPAN, THRESHOLDS)
+    lowest_limit = max(1.01 * steady_current, 0.05)
+    highest_limit = max(1.1 * largest_current, 1.2 * steady_current, 0.1)
+    thresholds: dict[str, np.ndarray] = {
         "v_freeze": voltages,
         "v_block": voltages,
-        "i_max": np.geomspace(
-            max(1.01 * resting, 0.05), max(1.1 * most, 1.2 * resting, 0.1), LEVELS
-        ),
-        "u_max": rest
-        * np.geomspace(
-            0.86, 1.45, 14
-        ),  # at rest the command may lie below the voltage at the terminals
+        "i_max": np.geomspace(lowest_limit, highest_limit, THRESHOLDS),
+        "u_max": steady_voltage * np.geomspace(*COMMAND_SPAN, COMMAND_LIMITS),
     }
-    return {
-        name: tuple(
-            float(one) for one in np.clip(shown.get(name, limit.banks[name]), box.low, box.high)
-        )
-        for name, box in limit.parameters.items()
-    }
+    initial: dict[str, tuple[float, ...]] = {}
+    for name, bounds in limit.parameters.items():
+        values = np.clip(thresholds.get(name, limit.banks[name]), bounds.low, bounds.high)
+        initial[name] = tuple(float(value) for value in values)
+    return initial

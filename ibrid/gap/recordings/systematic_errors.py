@@ -1,15 +1,14 @@
-"""Errors of a recorder that many samples share, and what a model makes of them: channels and
-rounding.
+"""Systematic errors of a recorder, and what a model makes of them in the current.
 
-A recorder's channel has an offset and a gain of its own. In the frame of the grid an offset turns
-at -f0, and unequal gains leave of the conjugate a part that turns at -2 f0; at rest both show, so
-that they tell how large such errors are. A gain common to all channels shows nowhere, and is as
-wrong as they are unequal. A value that stands still is rounded alike at every sample, so that its
-error stands still with it.
+An error is systematic when many samples share it: the offset and the gain of a channel, and the
+rounding of a value that stands still. In the dq frame of the grid an offset rotates at -f0, and
+unequal gains of the phases turn the complex conjugate of the signal at -2 f0. Both are visible in
+steady state, where their magnitudes are estimated. A gain that all channels have in common is not
+visible; it is assumed to be as wrong as the gains are unequal.
 
-Each error is played: the voltage with it through the model, limits and all, less the voltage
-without. A linear answer at rest does not do, since behind a limit no controller holds the current,
-and a voltage that is wrong by 0.03 % moves it by 0.5 % of the rating.
+The effect of an error is simulated: the voltage with it, limits included, minus the voltage
+without. The linear response is not enough, since behind a limit no controller holds the current,
+and a voltage that is wrong by 0.03 % moves the current by 0.5 % of the rating.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -24,20 +23,26 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.playback.player import Player
 from ibrid.playback.steps import ORDER_5
 
-#: Current at rest, per unit, below which its waves do not tell how unequal the channels' gains are.
+#: Steady-state current, per unit, below which it does not show how unequal the gains are.
 LEAST_CURRENT = 0.05
-#: Errors of a voltage below this, per unit, are not played.
+#: Errors of a voltage below this, per unit, are not simulated.
 LEAST_ERROR = 1e-7
-#: Runs of values that stand still whose rounding counts as one number, the longest of a record.
-LONGEST = 8
-#: Steps of a simulation times the fastest mode.
+#: Longest intervals of constant value in a record whose rounding counts as an error of its own.
+MOST_INTERVALS = 8
+#: Time step of a simulation times the fastest mode.
 STEP = 1.0
 
 
 @dataclass(frozen=True, eq=False)
 class SystematicError:
-    """One standard deviation of an error, d + j q, per unit: `v`, `i` (N,) of all samples,
-    `v_rest`, `i_rest` of their means at rest.
+    """One standard deviation of an error of a recorded voltage or current, d + j q, per unit.
+
+    Parameters
+    ----------
+    v, i : ndarray
+        (N,) of every sample.
+    v_rest, i_rest : complex
+        Of the mean in steady state.
     """
 
     v: np.ndarray
@@ -52,91 +57,110 @@ def simulate_errors(
     values: Mapping[str, float],
     errors: Iterable[SystematicError],
 ) -> np.ndarray:
-    """(2 N, K) what each error leaves of the measured current, d and q of each sample in turn.
+    """Simulate how much each of K errors changes the residual of the current.
 
-    Raises as `Player.play` does where the model has no rest; an error with which it has none leaves
-    its current alone.
+    Returns
+    -------
+    ndarray
+        (2 N, K) per unit, d and q of each sample in turn. An error with which the model has no
+        equilibrium changes the measured current only.
+
+    Raises
+    ------
+    IbridError
+        The model has no equilibrium (as `Player.play`).
     """
 
-    def played(record: EventRecord) -> np.ndarray:
-        return player.play(record, [values], step=STEP, rule=ORDER_5)[0].current - record.i
+    def residual_of(record: EventRecord) -> np.ndarray:
+        (response,) = player.play(record, [values], step=STEP, rule=ORDER_5)
+        return response.current - record.i
 
     errors = list(errors)
-    moving = [max(np.abs(one.v).max(), abs(one.i_rest)) > LEAST_ERROR for one in errors]
-    exact = played(record) if any(moving) else np.zeros_like(record.i)
+    matters = [max(np.abs(error.v).max(), abs(error.i_rest)) > LEAST_ERROR for error in errors]
+    exact = residual_of(record) if any(matters) else np.zeros_like(record.i)
     columns = []
-    for error, moves in zip(errors, moving, strict=True):
-        left = played(_with(record, error)) - exact if moves else -_pairs(error.i)
-        columns.append((left if np.isfinite(left).all() else -_pairs(error.i)).ravel())
+    for error, is_simulated in zip(errors, matters, strict=True):
+        change = -_to_pairs(error.i)
+        if is_simulated:
+            simulated = residual_of(_add_error(record, error)) - exact
+            change = simulated if np.isfinite(simulated).all() else change
+        columns.append(change.ravel())
     return np.array(columns).reshape(len(errors), record.i.size).T
 
 
 def list_channel_errors(record: EventRecord, events: Events) -> Iterator[SystematicError]:
-    """Offsets and gains of the channels of the recorder of some events.
-
-    Their sizes are those at rest of all records together.
-    """
-    v, i = _complex(record.v), _complex(record.i)
-    nothing, i_rest = np.zeros(len(v), dtype=complex), complex(*record.i_rest)
-    of_v, of_i = (_at_rest(events, name) for name in ("v", "i"))
-    turned = np.exp(-2j * np.pi * events.f0_hz * (record.time - record.time[0]))
+    """Yield the errors by offset and gain of the channels, with the magnitudes of all records."""
+    v = _to_complex(record.v)
+    i = _to_complex(record.i)
+    zero = np.zeros(len(v), dtype=complex)
+    i_rest = complex(*record.i_rest)
+    v_offset, v_gain = _estimate_channel_errors(events, "v")
+    i_offset, i_gain = _estimate_channel_errors(events, "i")
+    rotation = np.exp(-2j * np.pi * events.f0_hz * (record.time - record.time[0]))
     for direction in (1.0, 1.0j):
-        yield SystematicError(of_v[0] * direction * turned, nothing)
-        yield SystematicError(of_v[1] * direction * np.conj(v) * turned**2, nothing)
-        yield SystematicError(nothing, of_i[0] * direction * turned)
-        yield SystematicError(nothing, of_i[1] * direction * np.conj(i) * turned**2)
-    yield SystematicError(of_v[1] * v, nothing, v_rest=of_v[1] * record.rest.v)
-    yield SystematicError(nothing, of_i[1] * i, i_rest=of_i[1] * i_rest)
+        yield SystematicError(v_offset * direction * rotation, zero)
+        yield SystematicError(v_gain * direction * np.conj(v) * rotation**2, zero)
+        yield SystematicError(zero, i_offset * direction * rotation)
+        yield SystematicError(zero, i_gain * direction * np.conj(i) * rotation**2)
+    yield SystematicError(v_gain * v, zero, v_rest=v_gain * record.rest.v)
+    yield SystematicError(zero, i_gain * i, i_rest=i_gain * i_rest)
 
 
-def _at_rest(events: Events, name: str) -> tuple[float, float]:
-    """Offset, per unit, and relative difference of the gains of the channels of v or of i, rms of
-    all records.
+def _estimate_channel_errors(events: Events, name: str) -> tuple[float, float]:
+    """Estimate offset (per unit) and relative difference of the gains of the channels "v" or "i".
+
+    Root mean square over all records, from their steady state.
     """
-    waves = np.array(
-        [waves_at_rest(one, _complex(getattr(one, name)), events.f0_hz) for one in events.records]
+    magnitudes = np.array(
+        [
+            waves_at_rest(record, _to_complex(getattr(record, name)), events.f0_hz)
+            for record in events.records
+        ]
     )
-    sizes = np.maximum(waves[:, 0], LEAST_CURRENT)
-    return float(np.sqrt(np.mean(waves[:, 1] ** 2))), float(
-        np.sqrt(np.mean((waves[:, 2] / sizes) ** 2))
-    )
+    fundamental = np.maximum(magnitudes[:, 0], LEAST_CURRENT)
+    offset = float(np.sqrt(np.mean(magnitudes[:, 1] ** 2)))
+    gain_difference = float(np.sqrt(np.mean((magnitudes[:, 2] / fundamental) ** 2)))
+    return offset, gain_difference
 
 
 def list_rounding_errors(record: EventRecord) -> Iterator[SystematicError]:
-    """What rounding leaves of values that stand still."""
-    nothing = np.zeros(len(record.time), dtype=complex)
-    at_rest = record.time <= record.rest_end
-    for of_v, step, wave in (
-        (True, record.voltage_step, record.v),
-        (False, record.current_step, record.i),
+    """Yield the rounding errors of values that stand still, d and q separately."""
+    zero = np.zeros(len(record.time), dtype=complex)
+    in_steady_state = record.time <= record.rest_end
+    for name, step, wave in (
+        ("v", record.voltage_step, record.v),
+        ("i", record.current_step, record.i),
     ):
-        for still in standing(wave)[:LONGEST] if step else ():
-            rest = float((still & at_rest).sum() / at_rest.sum())
+        if not step:
+            continue
+        for interval in standing(wave)[:MOST_INTERVALS]:
+            share = float((interval & in_steady_state).sum() / in_steady_state.sum())
             for direction in (1.0, 1.0j):
-                size = direction * step / np.sqrt(12.0)
-                error = size * still
-                yield (
-                    SystematicError(error, nothing, v_rest=size * rest)
-                    if of_v
-                    else SystematicError(nothing, error, i_rest=size * rest)
-                )
+                deviation = direction * step / np.sqrt(12.0)
+                error = deviation * interval
+                if name == "v":
+                    yield SystematicError(error, zero, v_rest=deviation * share)
+                else:
+                    yield SystematicError(zero, error, i_rest=deviation * share)
 
 
-def _with(record: EventRecord, error: SystematicError) -> EventRecord:
-    """The record as it would be read with an error: its rest and its frame are wrong with it."""
-    v_rest, i_rest = record.rest.v + error.v_rest, complex(*record.i_rest) + error.i_rest
-    turn = np.conj(v_rest) / abs(v_rest)
+def _add_error(record: EventRecord, error: SystematicError) -> EventRecord:
+    """Return the record as it would be read with an error, steady state and dq frame included."""
+    v_rest = record.rest.v + error.v_rest
+    i_rest = complex(*record.i_rest) + error.i_rest
+    rotation = np.conj(v_rest) / abs(v_rest)
     power = v_rest * np.conj(i_rest)
-    v, i = (
-        turn * (_complex(wave) + part) for wave, part in ((record.v, error.v), (record.i, error.i))
-    )
+    v = rotation * (_to_complex(record.v) + error.v)
+    i = rotation * (_to_complex(record.i) + error.i)
     rest = OperatingPoint(record.name, float(power.real), float(power.imag), float(abs(v_rest)))
-    return replace(record, rest=rest, v=_pairs(v), i=_pairs(i))
+    return replace(record, rest=rest, v=_to_pairs(v), i=_to_pairs(i))
 
 
-def _complex(pairs: np.ndarray) -> np.ndarray:
+def _to_complex(pairs: np.ndarray) -> np.ndarray:
+    """Return d + j q (N,) of dq pairs (N, 2)."""
     return pairs @ np.array([1.0, 1.0j])
 
 
-def _pairs(wave: np.ndarray) -> np.ndarray:
+def _to_pairs(wave: np.ndarray) -> np.ndarray:
+    """Return dq pairs (N, 2) of d + j q (N,)."""
     return np.stack([np.real(wave), np.imag(wave)], axis=1)

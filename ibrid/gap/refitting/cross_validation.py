@@ -65,11 +65,13 @@ def cross_validate(refitter: SweepFitter, noise: Noise, model: Model) -> Validat
 def _validation_error(
     refitter: SweepFitter, noise: Noise, model: Model, seen: Sweep, left: Sweep
 ) -> float | None:
-    refit = refitter.of(replace(noise, sweep=seen)).fit(model.diagram, [model.refit.values, {}])
+    refit = refitter.with_noise(replace(noise, sweep=seen)).fit(
+        model.diagram, [model.refit.values, {}]
+    )
     if refit is None:
         return None
     residuals = (
-        refitter.of(replace(noise, sweep=left))
+        refitter.with_noise(replace(noise, sweep=left))
         .evaluate_values(model.diagram, refit.values)
         .residuals
     )

@@ -1,32 +1,36 @@
-"""What is made of a diagram once and asked for often, such as its symbolic model."""
+"""A cache of what is derived from a diagram once and used often, such as its symbolic model."""
 
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
 from ibrid.structure.diagrams.diagram import Diagram
 
-Made = TypeVar("Made")
+Derived = TypeVar("Derived")
 
 
-class DiagramCache(Generic[Made]):
-    """A memory of what was made of diagrams, each found again by the very same object.
+class DiagramCache(Generic[Derived]):
+    """A cache whose keys are diagrams, by identity.
 
-    A diagram says the same as another one that is equal, and cannot be hashed, since it can be
-    added to; none is once something was made of it. The memory holds its diagrams, so that no other
-    one takes their identity. `most` : entries beyond which it begins anew; None: it never does.
+    A diagram can be added to and so not be hashed; none is changed any more once something was
+    derived from it. The cache holds its diagrams, so that no other one takes their identity.
+
+    Parameters
+    ----------
+    most : int or None
+        Entries beyond which the cache is cleared; None: never.
     """
 
     def __init__(self, most: int | None = None) -> None:
         self.most = most
-        self._made: dict[Hashable, tuple[Diagram, Made]] = {}
+        self._entries: dict[Hashable, tuple[Diagram, Derived]] = {}
 
-    def of(self, diagram: Diagram, make: Callable[[], Made], *beside: Hashable) -> Made:
-        """What was made of a diagram, and of what else is given beside it; made now where it was
-        not.
-        """
-        key = id(diagram), *beside
-        if key not in self._made:
-            if self.most is not None and len(self._made) > self.most:
-                self._made.clear()
-            self._made[key] = diagram, make()
-        return self._made[key][1]
+    def get_or_make(
+        self, diagram: Diagram, make: Callable[[], Derived], *further_keys: Hashable
+    ) -> Derived:
+        """Return what was derived from a diagram and further keys; derive it the first time."""
+        key = id(diagram), *further_keys
+        if key not in self._entries:
+            if self.most is not None and len(self._entries) > self.most:
+                self._entries.clear()
+            self._entries[key] = diagram, make()
+        return self._entries[key][1]

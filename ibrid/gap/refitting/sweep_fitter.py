@@ -135,7 +135,7 @@ class SweepFitter:
         self._rngs: dict[str, np.random.Generator] = {}
         self._coarse = self._coarse_fitter()
 
-    def of(self, noise: Noise) -> "SweepFitter":
+    def with_noise(self, noise: Noise) -> "SweepFitter":
         """Return the fitter of other data.
 
         Symbolic models are shared where power node and nominal frequency are the same.
@@ -173,7 +173,7 @@ class SweepFitter:
                 "power_node": self.sweep.power_node,
                 "omega_0": self.sweep.omega_0,
             }
-            model = self._symbolic.of(
+            model = self._symbolic.get_or_make(
                 diagram, lambda: symbolic_model(wire(diagram, self.kinds), **physics)
             )
             problem = Problem(model, self.sweep.points)
@@ -187,7 +187,7 @@ class SweepFitter:
                 Misfit(problem, "log", parameter_prior),
             )
 
-        return self._tasks.of(diagram, made)
+        return self._tasks.get_or_make(diagram, made)
 
     def fit(
         self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7

@@ -1,5 +1,5 @@
-"""What an experiment could have seen: how far each effect would move the data beyond what the
-parameters take up.
+"""What an experiment could have shown: the change of the data by an effect that no parameter of the
+model can take up.
 """
 
 from collections.abc import Sequence
@@ -11,56 +11,90 @@ from ibrid.gap.results.gap import UndetectableEffect
 from ibrid.parts.editing.practice import Effect, Insertion
 
 #: Least noncentrality (chi2) of an effect that an experiment can be expected to show.
-SEEN = 15.0
+DETECTABLE = 15.0
+#: Singular values below this part of the largest count as zero.
+ZERO_SINGULAR_VALUE = 1e-9
 
 
-def unseen(
-    refitter: SweepFitter,
-    model: SweepFit,
+def list_undetectable_effects(
+    fitter: SweepFitter,
+    fit: SweepFit,
     edits: Sequence[Insertion],
     catalogue: Sequence[Effect],
     scale: float,
 ) -> tuple[UndetectableEffect, ...]:
-    """Of the effects that a model lacks those whose typical strength the data would not have shown.
+    """List effects that a model lacks and that would not be visible at their typical strength.
 
-    Law: the noncentrality is |t - J J+ t|^2 with t the whitened change of the response by the
-    effect at the middle of its bank, J the whitened slopes by the parameters; below `SEEN` it
-    cannot be expected to be found.
+    Law: the noncentrality is |t - J J+ t|^2, with t the whitened change of the response by the
+    effect at the middle of its initial values and J the whitened Jacobian; below `DETECTABLE` the
+    effect cannot be expected to be found.
+
+    Parameters
+    ----------
+    fit : SweepFit
+        Of the model.
+    edits : sequence of Insertion
+        That are tried on the model.
+    catalogue : sequence of Effect
+        Says which measurement would show an effect.
+    scale : float
+        Factor on the standard deviation of the noise.
     """
-    deviations = [np.asarray(point.sigma) for point in model.problem.points]
-    parameter_prior = model.parameter_prior.deviation_slope_in_x(model.x)
-    rows = np.concatenate(
-        [model.problem.white_slopes(model.x, deviations), np.diag(parameter_prior)]
-    )
-    if not np.isfinite(rows).all():
+    prior_slope = np.diag(fit.parameter_prior.deviation_slope_in_x(fit.x))
+    deviations = [np.asarray(point.sigma) for point in fit.problem.points]
+    jacobian = np.concatenate([fit.problem.white_slopes(fit.x, deviations), prior_slope])
+    if not np.isfinite(jacobian).all():
         return ()
-    scales = np.linalg.norm(rows, axis=0)
-    basis, values, _ = np.linalg.svd(rows / np.where(scales > 0, scales, 1.0), full_matrices=False)
-    basis = basis[:, values > 1e-9 * values[0]] if values.size else basis
-    told_apart = {one.id: one.told_apart_by for one in catalogue}
-    undetectable = []
+    basis = identifiable_basis(jacobian)
+    advice = {effect.id: effect.told_apart_by for effect in catalogue}
+    undetectable: list[UndetectableEffect] = []
     for edit in edits:
         if edit.change != "add" or not edit.parameters or not edit.nothing:
             continue
-        middle = {name: bank[len(bank) // 2] for name, bank in edit.parameters.items()}
-        try:
-            changed = refitter.evaluate_values(edit.diagram, {**model.values, **middle})
-        except ArithmeticError:
+        change = _change_by_edit(fitter, fit, edit, deviations)
+        if change is None:
             continue
-        pairs = zip(changed.responses, model.responses, deviations, strict=True)
-        moves = [((new - old) / deviation).reshape(-1) for new, old, deviation in pairs]
-        move = np.concatenate(
-            [part for one in moves for part in (one.real, one.imag)]
-            + [np.zeros(model.parameter_count)]
-        )
-        if not np.isfinite(move).all():
-            continue
-        left = move - basis @ (basis.T @ move)
-        strength = float(left @ left) / scale**2
-        if strength < SEEN:
+        strength = unexplained_change(change, basis) / scale**2
+        if strength < DETECTABLE:
             undetectable.append(
                 UndetectableEffect(
-                    edit.effect, edit.change, edit.where, strength, told_apart.get(edit.effect, "")
+                    edit.effect, edit.change, edit.where, strength, advice.get(edit.effect, "")
                 )
             )
-    return tuple(sorted(undetectable, key=lambda one: one.detectability))
+    return tuple(sorted(undetectable, key=lambda effect: effect.detectability))
+
+
+def identifiable_basis(jacobian: np.ndarray) -> np.ndarray:
+    """Return an orthonormal basis (R, r) of what parameters can change, of a Jacobian (R, P)."""
+    norms = np.linalg.norm(jacobian, axis=0)
+    scaled = jacobian / np.where(norms > 0, norms, 1.0)
+    basis, values, _ = np.linalg.svd(scaled, full_matrices=False)
+    if not values.size:
+        return basis
+    return basis[:, values > ZERO_SINGULAR_VALUE * values[0]]
+
+
+def unexplained_change(change: np.ndarray, basis: np.ndarray) -> float:
+    """Return the squared norm of a whitened change (R,) outside of a basis (R, r)."""
+    remainder = change - basis @ (basis.T @ change)
+    return float(remainder @ remainder)
+
+
+def _change_by_edit(
+    fitter: SweepFitter, fit: SweepFit, edit: Insertion, deviations: Sequence[np.ndarray]
+) -> np.ndarray | None:
+    """Return the whitened change (R,) of all residuals by an effect of typical strength.
+
+    None where the response is not finite.
+    """
+    typical = {name: values[len(values) // 2] for name, values in edit.parameters.items()}
+    try:
+        changed = fitter.evaluate_values(edit.diagram, {**fit.values, **typical})
+    except ArithmeticError:
+        return None
+    parts: list[np.ndarray] = []
+    for new, old, deviation in zip(changed.responses, fit.responses, deviations, strict=True):
+        whitened = ((new - old) / deviation).reshape(-1)
+        parts += [whitened.real, whitened.imag]
+    change = np.concatenate([*parts, np.zeros(fit.parameter_count)])
+    return change if np.isfinite(change).all() else None

@@ -1,6 +1,4 @@
-"""Where a refitted model misses the data: significance by operating point, band and entry of the
-matrix.
-"""
+"""Where a refitted model misses a sweep, by operating point, frequency band and matrix entry."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,40 +9,58 @@ from ibrid.fit.objective import band_index
 from ibrid.gap.results.gap import LocatedMisfit
 from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep
 
-#: Least significance, in standard deviations, of a part that is reported, and how many are.
-LEAST_Z, MOST = 3.0, 12
+#: Least significance of a part that is reported, in standard deviations, and most parts.
+LEAST_Z = 3.0
+MOST_LOCATED = 12
 
 
-def located(
-    points: Sequence[PointSweep], residuals: Sequence[np.ndarray], left: float, scale: float
+def locate_misfit(
+    points: Sequence[PointSweep],
+    residuals: Sequence[np.ndarray],
+    dof_per_number: float,
+    scale: float,
 ) -> tuple[LocatedMisfit, ...]:
-    """The parts that are missed, the largest share of the misfit first.
+    """Locate the misfit of a model, the largest share of it first.
 
     Law: 2 sum |e|^2 of n complex residuals e follows chi2 with 2 n degrees of freedom under noise
-    alone; degrees that the fit used up are shared out evenly.
+    alone; the degrees that the fit uses up are shared evenly.
 
-    residuals : (K, 2, 2) of each point, whitened. left : degrees of freedom by measured number.
-    scale : factor on the standard deviation of the noise.
+    Parameters
+    ----------
+    residuals : sequence of ndarray
+        (K, 2, 2) whitened, of each operating point.
+    dof_per_number : float
+        Degrees of freedom for each measured number.
+    scale : float
+        Factor on the standard deviation of the noise.
     """
-    whole = sum(float((np.abs(one) ** 2).sum()) for one in residuals)
-    misses = []
+    total = sum(float((np.abs(residual) ** 2).sum()) for residual in residuals)
+    located: list[LocatedMisfit] = []
     for point, residual in zip(points, residuals, strict=True):
-        for edges, entry, square, count in by_part(point.frequency, np.abs(residual) ** 2):
-            z = normal_score(square / scale**2 / left, 2 * count)
+        for band, entry, square, count in sum_by_part(point.frequency, np.abs(residual) ** 2):
+            z = normal_score(square / scale**2 / dof_per_number, 2 * count)
             if z > LEAST_Z:
-                misses.append(
-                    LocatedMisfit(
-                        point.op.name, edges, entry, square / whole if whole > 0 else 0.0, z
-                    )
-                )
-    return tuple(sorted(misses, key=lambda one: -one.share)[:MOST])
+                share = square / total if total > 0 else 0.0
+                located.append(LocatedMisfit(point.op.name, band, entry, share, z))
+    return tuple(sorted(located, key=lambda part: -part.share)[:MOST_LOCATED])
 
 
-def by_part(
+def sum_by_part(
     frequency: np.ndarray, square: np.ndarray
 ) -> Iterator[tuple[tuple[float, float], str, float, int]]:
-    """Edges of a band (Hz) and entry of the matrix, the sum there of `square` (K, 2, 2), and how
-    many frequencies it is over.
+    """Sum squares by frequency band and matrix entry.
+
+    Parameters
+    ----------
+    frequency : ndarray
+        (K,) Hz.
+    square : ndarray
+        (K, 2, 2) squared residuals.
+
+    Yields
+    ------
+    tuple
+        Edges of the band in Hz, entry ("dd" to "qq"), sum, and number of frequencies.
     """
     bands = band_index(frequency)
     for band in np.unique(bands):

@@ -1,5 +1,5 @@
-"""A simulation that lives in another tool: its sweep instead of a program. Where it differs, and
-which program it is.
+"""A simulation in another tool, of which only the sweep is known: where it differs from the
+measurement, and which built-in model it is.
 """
 
 from collections.abc import Iterable
@@ -14,24 +14,30 @@ from ibrid.evaluation.record import Record
 from ibrid.fit.settings import FitSettings
 from ibrid.gap.refitting.noise import estimate_noise
 from ibrid.gap.results.gap import LocatedMisfit
-from ibrid.gap.results.misfit_location import by_part
+from ibrid.gap.results.misfit_location import sum_by_part
 from ibrid.measurement.sweeps.interpolating import common_points, interpolated
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.structure.diagrams.library import textbook, textbook_names
 
-#: NRMSE up to which a textbook program is taken for the simulation itself, and up to which it is
-#: close.
-SAME, CLOSE = 1e-4, 0.02
-#: A first look at every textbook program: the right one is mostly solved by the first wave of
-#: starts. Where none is, so many of the nearest are fitted with care.
-QUICK, NEAREST = FitSettings(restarts=0, hops=0, kept_misfit=8), 4
+#: NRMSE up to which a built-in model counts as the simulation itself, and up to which as close.
+SAME = 1e-4
+CLOSE = 0.02
+#: A brief fit of every built-in model: the first batch of starts mostly solves the right one. Where
+#: none is solved, so many of the nearest get a thorough fit.
+BRIEF = FitSettings(restarts=0, hops=0, kept_misfit=8)
+MOST_THOROUGH = 4
+#: Factor on the least NRMSE up to which models fit equally well.
+EQUALLY_CLOSE = 1.1
 
 
 @dataclass(frozen=True)
-class Identified:
-    """The textbook program nearest to a simulated sweep.
+class IdentifiedModel:
+    """The built-in model nearest to a simulated sweep.
 
-    `words` : how near, for the steps of the answer.
+    Parameters
+    ----------
+    words : str
+        How near it is, for the steps of the result.
     """
 
     record: Record
@@ -44,12 +50,16 @@ class Identified:
         return dict(next(iter(self.record.parameters.values())))
 
 
-def differences(simulated: Sweep, measured: Sweep) -> tuple[LocatedMisfit, ...]:
-    """Where two sweeps differ: share of the squared difference by operating point, band and entry,
-    and its significance against the noise of the measurement. At frequencies that both have, else
-    the simulation is interpolated.
+def locate_differences(simulated: Sweep, measured: Sweep) -> tuple[LocatedMisfit, ...]:
+    """Locate the difference of two sweeps by operating point, band and entry, largest share first.
 
-    Raises IbridError when they have no operating point in common.
+    Shares are of the squared difference; the significance is that against the noise of the
+    measurement. The simulation is interpolated at the measured frequencies.
+
+    Raises
+    ------
+    IbridError
+        They have no operating point in common.
     """
     common = common_points(simulated, measured)
     if not common:
@@ -57,42 +67,45 @@ def differences(simulated: Sweep, measured: Sweep) -> tuple[LocatedMisfit, ...]:
             f"the two sweeps have no operating point in common, by name or by p, q and v: "
             f"{', '.join(simulated.names)} and {', '.join(measured.names)}"
         )
-    located, noise = [], estimate_noise(measured).sweep
-    for simulated_as, name in common:
-        point, other = simulated.point(simulated_as), noise.point(name)
+    noisy = estimate_noise(measured).sweep
+    located: list[LocatedMisfit] = []
+    for simulated_name, name in common:
+        point = simulated.point(simulated_name)
+        other = noisy.point(name)
         response = interpolated(point.frequency, point.admittance, other.frequency)
         square = np.abs((response - other.admittance) / np.asarray(other.sigma)) ** 2
         inside = np.isfinite(square).all(axis=(1, 2))
-        for edges, entry, part, count in by_part(other.frequency[inside], square[inside]):
-            located.append(LocatedMisfit(name, edges, entry, part, normal_score(part, 2 * count)))
-    whole = sum(one.share for one in located) or 1.0
-    return tuple(
-        sorted(
-            (replace(one, share=one.share / whole) for one in located), key=lambda one: -one.share
-        )
-    )
+        for band, entry, part, count in sum_by_part(other.frequency[inside], square[inside]):
+            z = normal_score(part, 2 * count)
+            located.append(LocatedMisfit(name, band, entry, part, z))
+    total = sum(part.share for part in located) or 1.0
+    shares = [replace(part, share=part.share / total) for part in located]
+    return tuple(sorted(shares, key=lambda part: -part.share))
 
 
-def identify(simulated: Sweep, seed: int = 0) -> Identified:
-    """The textbook program that fits a simulated sweep best; of those that fit alike the one with
-    fewest parameters.
+def identify_model(simulated: Sweep, seed: int = 0) -> IdentifiedModel:
+    """Identify the built-in model that fits a simulated sweep best.
 
-    Raises IbridError when none comes close: then a search finds the program.
+    Of those that fit equally well the one with fewest parameters.
+
+    Raises
+    ------
+    IbridError
+        None comes close; a search then finds the model.
     """
-    able = _fitted(simulated, textbook_names(), seed, QUICK)
-    if not any(float(one.nrmse or 0.0) <= SAME for one in able.values()):
-        nearest = sorted(able, key=lambda name: float(able[name].nrmse or 0.0))[:NEAREST]
-        able |= _fitted(simulated, nearest, seed, FitSettings())
-    if not able:
+    records = _fit_built_in(simulated, textbook_names(), seed, BRIEF)
+    if not any(_error(record) <= SAME for record in records.values()):
+        nearest = sorted(records, key=lambda name: _error(records[name]))[:MOST_THOROUGH]
+        records |= _fit_built_in(simulated, nearest, seed, FitSettings())
+    if not records:
         raise IbridError(
             "no textbook program fits the simulated sweep; check its conventions with ibrid inspect"
         )
-    best = min(float(one.nrmse or 0.0) for one in able.values())
-    alike = {
-        name: one for name, one in able.items() if float(one.nrmse or 0.0) <= max(1.1 * best, SAME)
-    }
-    name = min(alike, key=lambda each: alike[each].free_parameters)
-    error = float(alike[name].nrmse or 0.0)
+    least = min(_error(record) for record in records.values())
+    limit = max(EQUALLY_CLOSE * least, SAME)
+    equally_good = {name: record for name, record in records.items() if _error(record) <= limit}
+    name = min(equally_good, key=lambda name: equally_good[name].free_parameters)
+    error = _error(equally_good[name])
     if error > CLOSE:
         raise IbridError(
             f"no textbook program is close to the simulated sweep (the best is {name}, NRMSE "
@@ -100,22 +113,24 @@ def identify(simulated: Sweep, seed: int = 0) -> Identified:
             "find its program with ibrid search, then run ibrid gap with that"
         )
     near = "is" if error <= SAME else "is close to"
-    return Identified(
-        alike[name],
-        name,
-        f"the simulated sweep {near} the textbook program {name} (NRMSE {error:.2g})",
-    )
+    words = f"the simulated sweep {near} the textbook program {name} (NRMSE {error:.2g})"
+    return IdentifiedModel(equally_good[name], name, words)
 
 
-def _fitted(
+def _error(record: Record) -> float:
+    """Return the NRMSE of a record that has one."""
+    return float(record.nrmse or 0.0)
+
+
+def _fit_built_in(
     simulated: Sweep, names: Iterable[str], seed: int, settings: FitSettings
 ) -> dict[str, Record]:
-    """Of textbook programs those that have a fit with a stable model."""
+    """Fit built-in models and return the records of those with a response and stable poles."""
     records = {
         name: evaluate(textbook(name), simulated, seed=seed, settings=settings) for name in names
     }
     return {
-        name: one
-        for name, one in records.items()
-        if one.nrmse is not None and all(one.stable.values())
+        name: record
+        for name, record in records.items()
+        if record.nrmse is not None and all(record.stable.values())
     }

@@ -1,8 +1,8 @@
-"""Located, but not in the catalogue: suggested edits pass the tests of an effect, or are shown with
-what they fail.
+"""Suggested edits where something is located that the catalogue does not know.
 
-Blocks of low order at the places that could explain everything are always tried; who asks may bring
-suggestions of their own: rules, a language model, a colleague.
+A suggestion is refitted and passes the tests of a named effect, or is reported with the test that
+it fails. Low-order blocks at the ports that could explain everything are always tried; callers may
+add sources of their own: rules, a language model, a colleague.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -28,20 +28,33 @@ from ibrid.structure.compiling.check import violations
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import program_text
 
-#: What a block of low order may be, by the signal it shapes.
-SHAPES: Mapping[Signal, tuple[Element, ...]] = {
+#: Elements that a low-order block may be, by the signal that it filters.
+LOW_ORDER_ELEMENTS: Mapping[Signal, tuple[Element, ...]] = {
     Signal.SCALAR: (Element.GAIN, Element.LOW_PASS, Element.NOTCH, Element.PADE),
     Signal.DQ_VEC: (Element.GAIN, Element.LOW_PASS, Element.DELAY, Element.PADE),
 }
-NAME = "residual_block"
-#: Places at which blocks are tried, and random starts of every suggestion.
-PLACES, DRAWS = 6, 24
+BLOCK_NAME = "residual_block"
+#: Ports at which low-order blocks are tried, and random starts of each suggestion.
+MOST_PORTS = 6
+DRAWS = 24
 
 
 @dataclass(frozen=True, eq=False)
-class Question:
-    """What whoever suggests is told: the model and its record, and the places where one unknown
-    transfer explains all, best first, with the transfer that was measured there.
+class SuggestionRequest:
+    """What a source of suggestions is given.
+
+    Parameters
+    ----------
+    diagram : Diagram
+        The given model.
+    record : Record
+        Of the refitted model.
+    ports : tuple of PortFit
+        Ports at which one unknown transfer function explains the data, best first, with that.
+    kinds : Vocabulary
+        Module kinds that a suggestion may use.
+    sweep : Sweep
+        The measured data.
     """
 
     diagram: Diagram
@@ -53,10 +66,16 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class Suggestion(Frozen):
-    """A diagram that may be the device's.
+    """A diagram that may be that of the device.
 
-    `words` : the change in words. `source` : whose idea. `values` : where a fit may begin, besides
-    the nominal values and those of the refitted model.
+    Parameters
+    ----------
+    words : str
+        The change in words.
+    source : str
+        Who or what suggests it.
+    values : mapping, optional
+        Where a fit may begin, besides the nominal values and those of the refitted model.
     """
 
     diagram: Diagram
@@ -66,92 +85,98 @@ class Suggestion(Frozen):
 
 
 class Suggest(Protocol):
-    """Who is asked for edits."""
+    """A source of suggestions."""
 
-    def __call__(self, question: Question, /) -> Iterable[Suggestion]: ...
+    def __call__(self, question: SuggestionRequest, /) -> Iterable[Suggestion]: ...
 
 
-def low_order_blocks(question: Question) -> Iterator[Suggestion]:
-    """A block of low order in place of the unknown transfer, at each of the first places."""
-    for fit in question.ports[:PLACES]:
-        kinds = (*question.kinds, *PORT_KINDS)
-        signal = Edit(fit.port.diagram, kinds).signal(f"{fit.port.block}.in_")
-        for element in SHAPES.get(signal, ()):
-            draft = Edit(fit.port.diagram, kinds)
-            kind = usual_kind(element, signal, question.kinds).name
+def low_order_blocks(request: SuggestionRequest) -> Iterator[Suggestion]:
+    """Suggest a low-order block in place of the unknown transfer function, at the first ports."""
+    for port_fit in request.ports[:MOST_PORTS]:
+        port = port_fit.port
+        kinds = (*request.kinds, *PORT_KINDS)
+        signal = Edit(port.diagram, kinds).signal(f"{port.block}.in_")
+        for element in LOW_ORDER_ELEMENTS.get(signal, ()):
+            draft = Edit(port.diagram, kinds)
+            kind = usual_kind(element, signal, request.kinds).name
             try:
-                draft.replace(fit.port.block, kind, NAME)
+                draft.replace(port.block, kind, BLOCK_NAME)
             except NotInVocabulary:
                 continue
-            yield Suggestion(
-                draft.diagram(), f"{kind} at {fit.port.words}", "block of low order", fit.values
-            )
+            words = f"{kind} at {port.words}"
+            yield Suggestion(draft.diagram(), words, "block of low order", port_fit.values)
 
 
-def suggested(
+def check_suggestions(
     findings: Findings,
     dataset: SweepDataset,
-    question: Question,
+    request: SuggestionRequest,
     suggest: Sequence[Suggest] = (low_order_blocks,),
 ) -> tuple[SuggestedEdit, ...]:
-    """Every suggestion, refitted and put to the tests of a named effect; what passes first, then by
-    the fit.
+    """Refit every suggestion and put it to the tests of a named effect.
 
-    An illegal diagram, and one without a response, is told with its reason; the same diagram is
-    weighed once.
+    Those that pass come first, then by chi2 per degree of freedom. An illegal diagram, and one
+    without a response, is reported with that; equal diagrams are tried once.
     """
-    ideas: dict[str, Suggestion] = {}
+    suggestions: dict[str, Suggestion] = {}
     for source in suggest:
-        for idea in source(question):
-            ideas.setdefault(program_text(idea.diagram), idea)
-    if not ideas:
+        for suggestion in source(request):
+            suggestions.setdefault(program_text(suggestion.diagram), suggestion)
+    if not suggestions:
         return ()
-    tests, before = (
-        findings.tests + len(ideas),
-        findings.before or dataset.cross_validate(findings.given),
-    )
-    rows = [_weighed(findings, dataset, before, one, text, tests) for text, one in ideas.items()]
-    return tuple(sorted(rows, key=lambda one: (bool(one.reason), one.chi2_per_dof)))
+    tests = findings.tests + len(suggestions)
+    errors_before = findings.before or dataset.cross_validate(findings.given)
+    checked = [
+        _check_suggestion(findings, dataset, errors_before, suggestion, program, tests)
+        for program, suggestion in suggestions.items()
+    ]
+    return tuple(sorted(checked, key=lambda edit: (bool(edit.reason), edit.chi2_per_dof)))
 
 
-def _weighed(
+def _check_suggestion(
     findings: Findings,
     dataset: SweepDataset,
-    held: ValidationErrors,
-    idea: Suggestion,
-    text: str,
+    errors_before: ValidationErrors,
+    suggestion: Suggestion,
+    program: str,
     tests: int,
 ) -> SuggestedEdit:
-    given, before = findings.given, findings.given.refit.chi2 / findings.given.refit.dof
-    told = SuggestedEdit(idea.words, idea.source, text, float("inf"), before)
-    if wrong := violations(idea.diagram, dataset.kinds):
-        return replace(told, reason=f"not legal: {wrong[0].message}")
-    starts = (
-        [given.refit.values, {}] if idea.values is None else [idea.values, given.refit.values, {}]
-    )
+    """Refit a suggestion, one of so many tests, and check it."""
+    given = findings.given
+    diagram = suggestion.diagram
+    before = given.refit.chi2 / given.refit.dof
+    checked = SuggestedEdit(suggestion.words, suggestion.source, program, float("inf"), before)
+    illegal = violations(diagram, dataset.kinds)
+    if illegal:
+        return replace(checked, reason=f"not legal: {illegal[0].message}")
+    starts = [given.refit.values, {}]
+    if suggestion.values is not None:
+        starts.insert(0, suggestion.values)
     dataset.budget.spend()
     try:
-        refit = dataset.refitter(given.convention).fit(idea.diagram, starts, draws=DRAWS)
+        refit = dataset.fitter_for(given.convention).fit(diagram, starts, draws=DRAWS)
     except (IbridError, ArithmeticError):
         refit = None
     if refit is None:
-        return replace(told, reason="has no response")
-    model = Model(idea.diagram, given.convention, refit, given.edits)
-    reason = _fails(findings, dataset, model, tests)
-    after = None if reason else dataset.cross_validate(model)
+        return replace(checked, reason="has no response")
+    model = Model(diagram, given.convention, refit, given.edits)
+    reason = _find_failed_test(findings, dataset, model, tests)
+    held_out = {}
+    if not reason:
+        errors_after = dataset.cross_validate(model)
+        held_out = {"before": asdict(errors_before), "after": asdict(errors_after)}
+    added = {name: value for name, value in refit.values.items() if name not in given.refit.values}
     return replace(
-        told,
+        checked,
         chi2_per_dof=refit.chi2 / refit.dof,
-        parameters={
-            name: value for name, value in refit.values.items() if name not in given.refit.values
-        },
-        held_out={} if after is None else {"before": asdict(held), "after": asdict(after)},
+        parameters=added,
+        held_out=held_out,
         reason=reason,
     )
 
 
-def _fails(findings: Findings, dataset: SweepDataset, model: Model, tests: int) -> str:
-    """Which test of an effect a suggestion fails, "" when none."""
+def _find_failed_test(findings: Findings, dataset: SweepDataset, model: Model, tests: int) -> str:
+    """Return the test of a named effect that a model fails; "" where it passes all."""
     if not is_significant(findings.given, model, tests, findings.scale):
         return "does not pay"
     if not explains_data(model, findings.noise, findings.scale):

@@ -9,7 +9,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.gap.results.suggested_edits import Question, Suggest, Suggestion
+from ibrid.gap.results.suggested_edits import Suggest, Suggestion, SuggestionRequest
 from ibrid.measurement.sweeps.amplitudes import evenly
 from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid.study import Study
@@ -29,7 +29,7 @@ def suggestions_of(proposer: Proposer, number: int = FEW, seed: int = 0) -> Sugg
     no program is passed over after its second attempt.
     """
 
-    def suggest(question: Question) -> Iterator[Suggestion]:
+    def suggest(question: SuggestionRequest) -> Iterator[Suggestion]:
         rng = np.random.default_rng(seed)
         scales = SearchSettings().scales
         study = Study(question.sweep, vocabulary=question.kinds)

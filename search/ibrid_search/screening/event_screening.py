@@ -16,7 +16,7 @@ from ibrid.fit.problem import Misfit, Problem
 from ibrid.gap.recordings.event_evaluation import limit_to_decade
 from ibrid.gap.recordings.event_misfit import EventDescent
 from ibrid.gap.recordings.event_problem import event_problem_of_study
-from ibrid.gap.recordings.limit_candidates import rank_entrants
+from ibrid.gap.recordings.successive_halving import Entrant, rank_entrants
 from ibrid.study import Study
 from ibrid.telling import Tell
 from ibrid_search.screening.candidate_edits import CandidateEdit
@@ -30,9 +30,6 @@ from ibrid_search.screening.edit_screening import (
 from ibrid_search.screening.plausibility import PlausibilityIssues, count_absurd_values
 from ibrid_search.screening.selection_criterion import SelectionCriterion
 from ibrid_search.screening.settings import SCREENING
-
-#: A candidate with its descent on the recordings.
-Entrant = tuple[CandidateEdit, EventDescent]
 
 
 class EventEditScreener(EditScreener):
@@ -99,17 +96,17 @@ class EventEditScreener(EditScreener):
 
         A candidate that cannot be simulated drops out.
         """
-        entrants: list[Entrant] = []
+        entrants: list[Entrant[CandidateEdit]] = []
         for fit in fits:
             descent = _descend_or_none(partial(self._begin_descent, fit))
             if descent is not None:
-                entrants.append((fit.edit, descent))
+                entrants.append(Entrant(fit.edit, descent))
         for rung in SCREENING.rungs:
-            advanced: list[Entrant] = []
+            advanced: list[Entrant[CandidateEdit]] = []
             for edit, descent in entrants:
                 further = _descend_or_none(partial(descent.run, rung.rounds, rung.steps))
                 if further is not None:
-                    advanced.append((edit, further))
+                    advanced.append(Entrant(edit, further))
             entrants = rank_entrants(advanced, rung.survivors)
         return rank_fits(self._screening_fit(edit, descent) for edit, descent in entrants)
 

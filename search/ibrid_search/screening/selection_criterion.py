@@ -11,7 +11,7 @@ from ibrid.evaluation.adequacy import NEGLIGIBLE
 from ibrid.evaluation.outcome import reward
 from ibrid.evaluation.record import Record
 from ibrid.gap.recordings.evaluation_record import noise_nrmse
-from ibrid.gap.recordings.event_noise import event_noise
+from ibrid.gap.recordings.event_noise import estimate_event_noise
 from ibrid.measurement.sweeps.noise import estimate_point
 from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
 from ibrid.study import Study
@@ -104,7 +104,7 @@ def estimate_study_noise_floor(study: Study) -> NoiseFloor:
     events = study.blind.events
     if events is None:
         return estimate_noise_floor(study.fitted)
-    noise = event_noise(events, study.fitted)
+    noise = estimate_event_noise(events, study.fitted)
     number_count = sum(2 * len(event.time) for event in events.records)
     return NoiseFloor(noise_nrmse(noise), number_count, noise.source)
 

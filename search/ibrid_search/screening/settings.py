@@ -2,18 +2,7 @@
 
 from dataclasses import dataclass
 
-
-@dataclass(frozen=True)
-class HalvingRung:
-    """One rung of the successive halving over recorded events.
-
-    `rounds` : rounds of the event fit; each simulates the model again. `steps` : Gauss-Newton steps
-    in a round. `survivors` : candidates of least misfit that enter the next rung.
-    """
-
-    rounds: int
-    steps: int
-    survivors: int
+from ibrid.gap.recordings.successive_halving import HalvingRung
 
 
 @dataclass(frozen=True)
