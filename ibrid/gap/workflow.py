@@ -11,7 +11,7 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.fit import kernel
-from ibrid.gap.amplitudes.amplitude_data import AmplitudeData, amplitude_data
+from ibrid.gap.amplitudes.amplitude_data import AmplitudeData, build_amplitude_data
 from ibrid.gap.amplitudes.amplitude_dataset import AmplitudeDataset
 from ibrid.gap.budget import Budget
 from ibrid.gap.datasets.dataset import Dataset
@@ -37,9 +37,14 @@ from ibrid.gap.repair import (
     rank_first_trials,
     repair,
 )
-from ibrid.gap.results.amplitude_gap import Nonlinear, alone, beside, unnamed
+from ibrid.gap.results.amplitude_gap import (
+    NonlinearityResult,
+    report_no_named_nonlinearity,
+    report_nonlinearity_alone,
+    report_nonlinearity_too,
+)
 from ibrid.gap.results.event_gap import build_event_gap
-from ibrid.gap.results.gap import AmplitudeDependence, Gap
+from ibrid.gap.results.gap import AmplitudeResult, Gap
 from ibrid.gap.results.suggested_edits import Suggest, low_order_blocks
 from ibrid.gap.results.sweep_gap import build_sweep_gap
 from ibrid.gap.results.verdict import Findings, decide_verdict, relative_misfit
@@ -362,43 +367,44 @@ def _find_amplitude_gap(problem: _GapProblem, gate: Linearity) -> Gap:
     sweep = problem.study.sweep
     small = small_signal(sweep, gate)
     kept = 0 if small is None else min(len(point.frequency) for point in small.points)
-    answer = AmplitudeDependence(gate, kept)
+    answer = AmplitudeResult(gate, kept)
     if not len(gate.refused) and small is not None:
         gap = _find_sweep_gap(problem.with_sweep(small))
         return replace(gap, sentence=f"{gap.sentence} {gate.sentence}", amplitude=answer)
     smallest = at_amplitudes(sweep)[0]
     if answer.kept < FEWEST:
         small = None
-    data = amplitude_data(problem.study.fitted)
+    data = build_amplitude_data(problem.study.fitted)
     nonlinear = None
     if data is not None:
         nonlinear = _find_nonlinearity(problem, problem.diagram, data, answer)
-    if nonlinear is not None and nonlinear.best is not None and nonlinear.named:
+    if nonlinear is not None and nonlinear.best is not None and nonlinear.is_named:
         gap = _answer_linear(problem, smallest if small is None else small, nonlinear.best.values)
         nominal = None
         if problem.values:
-            linear = nonlinear.data.sweep_fitter.evaluate_values(problem.diagram, {})
-            nominal = nonlinear.data.data.linear_nrmse(linear.responses)
-        return alone(gap, nonlinear, nominal)
+            linear = nonlinear.dataset.sweep_fitter.evaluate_values(problem.diagram, {})
+            nominal = nonlinear.dataset.data.linear_nrmse(linear.responses)
+        return report_nonlinearity_alone(gap, nonlinear, nominal)
     if small is None:
-        values = {} if nonlinear is None else nonlinear.found.given.refit.values
-        return unnamed(_answer_linear(problem, smallest, values), nonlinear, answer)
+        values = {} if nonlinear is None else nonlinear.findings.given.refit.values
+        linear_gap = _answer_linear(problem, smallest, values)
+        return report_no_named_nonlinearity(linear_gap, nonlinear, answer)
     gap = _find_sweep_gap(problem.with_sweep(small))
     if gap.verdict == "named" and data is not None:
         with_repair = _find_nonlinearity(problem, gap.diagram, data, answer)
-        if with_repair is not None and with_repair.named:
-            return beside(gap, with_repair)
-    return unnamed(gap, nonlinear, answer)
+        if with_repair is not None and with_repair.is_named:
+            return report_nonlinearity_too(gap, with_repair)
+    return report_no_named_nonlinearity(gap, nonlinear, answer)
 
 
 def _find_nonlinearity(
-    problem: _GapProblem, diagram: Diagram, data: AmplitudeData, gate: AmplitudeDependence
-) -> Nonlinear | None:
+    problem: _GapProblem, diagram: Diagram, data: AmplitudeData, gate: AmplitudeResult
+) -> NonlinearityResult | None:
     """Find a nonlinearity of a linear model in all amplitudes; None where that has no response."""
     study = problem.study
     dataset = AmplitudeDataset(data, study.kinds, problem.prior, study.seed, problem.budget)
     findings = _find_in_dataset(problem, diagram, dataset, ())
-    return None if findings is None else Nonlinear(findings, dataset, gate)
+    return None if findings is None else NonlinearityResult(findings, dataset, gate)
 
 
 def _answer_linear(problem: _GapProblem, sweep: Sweep, values: Values) -> Gap:

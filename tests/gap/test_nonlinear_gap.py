@@ -17,7 +17,7 @@ from sharing import shared
 
 from ibrid.cli import main
 from ibrid.errors import IbridError
-from ibrid.gap.amplitudes.amplitude_data import AmplitudeData, amplitude_data
+from ibrid.gap.amplitudes.amplitude_data import AmplitudeData, build_amplitude_data
 from ibrid.gap.amplitudes.nonlinearity_edits import NonlinearityEdit, list_nonlinearity_edits
 from ibrid.gap.amplitudes.nonlinearity_fit import NonlinearityFitter, NonlinearityPoint
 from ibrid.gap.refitting.prior import build_prior
@@ -66,7 +66,7 @@ def searched(
         for one in list_nonlinearity_edits(diagram, VOCABULARY)
         if effect in (one.effect, one.words)
     )
-    data = amplitude_data(sweep)
+    data = build_amplitude_data(sweep)
     assert data is not None
     return NonlinearityFitter(place, diagram, VOCABULARY, data, prior), data
 
@@ -79,11 +79,11 @@ def at_truth(
     beside = search._open_model(start)
     assert beside is not None
     counted = threshold
-    if search.place.shape.limits:  # from the largest current at rest
+    if search.edit.nonlinearity.is_limit:  # from the largest current at rest
         counted = threshold / np.linalg.norm(beside[1], axis=1).max() - 1.0
-    state = search.state(np.append(start, np.log(counted)))
+    state = search.evaluate(np.append(start, np.log(counted)))
     assert state is not None
-    return state, data, search.place
+    return state, data, search.edit
 
 
 # harmonic balance against the simulation in time
@@ -115,7 +115,7 @@ def test_a_limit_raises_the_mean_of_the_reference_and_holds_that_of_the_current(
     entering, leaving = (
         one[..., 0].reshape(shape) for one in (state.motion.entering, state.motion.leaving)
     )
-    at_rest = state.rest / np.linalg.norm(state.rest, axis=1, keepdims=True)
+    at_rest = state.steady / np.linalg.norm(state.steady, axis=1, keepdims=True)
     along = np.einsum("kmlji,mi->kmlj", entering, at_rest)
     assert along[0, :, -1].max() > 1e-3
     assert np.abs(leaving).max() < 1e-2 * along.max()

@@ -1,30 +1,40 @@
 """The periodic motion of a linear model with one nonlinearity at a port, by harmonic balance.
 
-The port of an opened model sees z = Z_u v + Z_w w. With a memoryless w = F(z) instead of w = z, the
-harmonics of z obey z_h = Z_u v (h = 1) + Z_w(j h omega) w_h for h = 0 .. HARMONICS. With the first
-alone this is the method of describing functions, the gain N(A) depending on the amplitude at the
-port that it sets itself; h = 0 is the shift of the mean, which integrating loops hold, and the
-others are what the port feeds back of its own distortion.
+The port of an opened model has the input z = Z_u v + Z_w w. With a memoryless w = F(z) in place of
+w = z, the harmonics of z obey z_h = Z_u v (h = 1) + Z_w(j h omega) w_h for h = 0 .. HARMONICS. With
+the first alone this is the describing-function method, where the gain N(A) depends on the amplitude
+at the port that it sets itself; h = 0 is the shift of the mean, which integrating loops hold, and
+the others are the distortion that the loops feed back.
+
+C = K M L 2 cells (frequency, operating point, amplitude, injected axis) are solved together; r is 1
+for a scalar port and 2 for dq.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from ibrid.gap.amplitudes.nonlinearities import Shape
+from ibrid.gap.amplitudes.nonlinearities import Nonlinearity
 from ibrid.gap.ports.open_port import OpenedModel, OpenPort
 
 #: Harmonics beside the mean, and samples of a period.
-HARMONICS, SAMPLES = 3, 96
+HARMONICS = 3
+SAMPLES = 96
 #: rad/s, real: stands for s = 0, where integrators have no response; on the imaginary axis theirs
 #: would be imaginary.
 SLOWEST = 1e-3
-#: Steps of Newton's method, parts of a step that are tried where the whole one is no gain, what is
-#: left over (of the drive) that ends them, and that still counts as balanced.
-STEPS, PARTS, CONVERGED, BALANCED = 20, (0.5, 0.25, 0.1, 0.03), 1e-9, 1e-4
-#: Parts of the signal that a nonlinearity is taken to let through where a search begins, and how
-#: many of them are tried.
-THROUGH, TRIED = tuple(np.linspace(0.0, 1.0, 21)), 4
+#: Newton steps at most, and the parts of a step that are tried where the whole one is no gain.
+NEWTON_STEPS = 20
+SHORTER_STEPS = (0.5, 0.25, 0.1, 0.03)
+#: Residual of the balance, relative to the drive, at which Newton's method ends, and up to which a
+#: motion counts as balanced.
+CONVERGED = 1e-9
+BALANCED = 1e-4
+#: Parts of the signal that the nonlinearity passes, for initial motions, and how many are tried.
+INITIAL_GAINS = tuple(np.linspace(0.0, 1.0, 21))
+MOST_TRIED = 4
+#: Drive, per unit, that stands for none.
+LEAST_DRIVE = 1e-12
 
 _PHASE = 2.0 * np.pi * (np.arange(SAMPLES) + 0.5) / SAMPLES
 _WAVES = [np.ones(SAMPLES)]
@@ -34,12 +44,13 @@ for _h in range(1, HARMONICS + 1):
 BASIS = np.array(_WAVES).T
 PROJECTION = BASIS.T * np.array([1.0] + [2.0] * 2 * HARMONICS)[:, None] / SAMPLES
 COEFFICIENTS = len(PROJECTION)
-_TWICE = np.einsum("in,nj->nij", PROJECTION, BASIS).reshape(SAMPLES, -1)
+_PROJECTED_BASIS = np.einsum("in,nj->nij", PROJECTION, BASIS).reshape(SAMPLES, -1)
 
 
 def evaluate_at_harmonics(model: OpenPort, frequency: np.ndarray) -> OpenPort:
-    """The same open port, from now on evaluated at s = 0 and at the harmonics of K frequencies (K,)
-    Hz: 1 + HARMONICS K.
+    """Let an open port be evaluated at s = 0 and at the harmonics of K frequencies (K,) in Hz.
+
+    Its omega becomes (1 + HARMONICS K,).
     """
     harmonics = [2.0 * np.pi * h * frequency for h in range(1, HARMONICS + 1)]
     model.omega = np.concatenate([[-1j * SLOWEST], *harmonics])
@@ -48,11 +59,18 @@ def evaluate_at_harmonics(model: OpenPort, frequency: np.ndarray) -> OpenPort:
 
 @dataclass(frozen=True, eq=False)
 class LinearPart:
-    """What a model does beside its port for C = K M L 2 cells (frequency, point, amplitude, axis).
+    """The linear model beside its port, for C cells, with n = COEFFICIENTS r.
 
-    `drive` : (C, n) of the injected voltage on the port, n = COEFFICIENTS r. `back` : (C, n, n)
-    real, from w to z. `y_u` : (C, 2), `y_w` : (C, 2, r) complex, per unit of injection. `amplitude`
-    : (C,).
+    Parameters
+    ----------
+    drive : ndarray
+        (C, n) coefficients that the injected voltage causes at the port.
+    back : ndarray
+        (C, n, n) real, from the coefficients of w to those of z.
+    y_u, y_w : ndarray
+        (C, 2) and (C, 2, r) complex, from the injected voltage and from w to the current, per unit.
+    amplitude : ndarray
+        (C,) of the injection, per unit.
     """
 
     drive: np.ndarray
@@ -62,7 +80,7 @@ class LinearPart:
     amplitude: np.ndarray
 
     def select(self, cells: np.ndarray) -> "LinearPart":
-        """Some of the cells."""
+        """Return some of the cells."""
         return LinearPart(
             self.drive[cells],
             self.back[cells],
@@ -81,43 +99,54 @@ def build_linear_part(opened: OpenedModel, amplitude: np.ndarray) -> LinearPart:
     r = opened.z_u.shape[-2]
     shape = (count, points, levels, 2)
 
-    def cells(value: np.ndarray) -> np.ndarray:
-        """(K, M, ...) for each cell."""
+    def repeat_for_cells(value: np.ndarray) -> np.ndarray:
+        """Repeat (K, M, ...) for amplitudes and axes: (C, ...)."""
         spread = np.broadcast_to(value[:, :, None, None], (*shape, *value.shape[2:]))
         return spread.reshape(-1, *value.shape[2:])
 
-    size = np.broadcast_to(amplitude[..., None], shape).reshape(-1)
-    first = slice(1, 1 + count)
-    z_u, y_u = (
-        np.moveaxis(one[first], -1, 2) for one in (opened.z_u, opened.y_u)
-    )  # the axis of injection third
-    z_u, y_u = (
-        np.broadcast_to(one[:, :, None], (*shape, one.shape[-1])).reshape(-1, one.shape[-1])
-        for one in (z_u, y_u)
-    )
-    drive = np.zeros((len(size), r, COEFFICIENTS))
-    drive[..., 1], drive[..., 2] = np.real(z_u) * size[:, None], np.imag(z_u) * size[:, None]
-    back = np.zeros((len(size), r, COEFFICIENTS, r, COEFFICIENTS))
-    back[:, :, 0, :, 0] = cells(
-        np.broadcast_to(np.real(opened.z_w[:1]), (count, *opened.z_w.shape[1:]))
-    )
+    def columns_for_cells(value: np.ndarray) -> np.ndarray:
+        """Take the column of each injected axis of (K, M, s, 2), for all amplitudes: (C, s)."""
+        by_axis = np.moveaxis(value, -1, 2)
+        spread = np.broadcast_to(by_axis[:, :, None], (*shape, by_axis.shape[-1]))
+        return spread.reshape(-1, by_axis.shape[-1])
+
+    cell_amplitude = np.broadcast_to(amplitude[..., None], shape).reshape(-1)
+    fundamental = slice(1, 1 + count)
+    z_u = columns_for_cells(opened.z_u[fundamental])
+    y_u = columns_for_cells(opened.y_u[fundamental])
+    y_w = repeat_for_cells(opened.y_w[fundamental])
+    cells = len(cell_amplitude)
+    drive = np.zeros((cells, r, COEFFICIENTS))
+    drive[..., 1] = np.real(z_u) * cell_amplitude[:, None]
+    drive[..., 2] = np.imag(z_u) * cell_amplitude[:, None]
+    back = np.zeros((cells, r, COEFFICIENTS, r, COEFFICIENTS))
+    at_zero = np.broadcast_to(np.real(opened.z_w[:1]), (count, *opened.z_w.shape[1:]))
+    back[:, :, 0, :, 0] = repeat_for_cells(at_zero)
     for h in range(1, HARMONICS + 1):
-        z_w = cells(opened.z_w[1 + (h - 1) * count : 1 + h * count])
-        real, imaginary = 2 * h - 1, 2 * h
+        z_w = repeat_for_cells(opened.z_w[1 + (h - 1) * count : 1 + h * count])
+        real = 2 * h - 1
+        imaginary = 2 * h
         back[:, :, real, :, real] = back[:, :, imaginary, :, imaginary] = np.real(z_w)
-        back[:, :, imaginary, :, real], back[:, :, real, :, imaginary] = np.imag(z_w), -np.imag(z_w)
+        back[:, :, imaginary, :, real] = np.imag(z_w)
+        back[:, :, real, :, imaginary] = -np.imag(z_w)
     n = r * COEFFICIENTS
-    return LinearPart(
-        drive.reshape(-1, n), back.reshape(-1, n, n), y_u, cells(opened.y_w[first]), size
-    )
+    return LinearPart(drive.reshape(-1, n), back.reshape(-1, n, n), y_u, y_w, cell_amplitude)
 
 
 @dataclass(frozen=True, eq=False)
 class PeriodicMotion:
-    """A balanced motion. `entering`, `leaving` : (C, r, COEFFICIENTS) of the port's deviation
-    before and behind it.
-    `slope` : (C, n, n) of the balance by `entering`. `through` : (C, n, n), of `leaving` by
-    `entering`. `converged` : (C,).
+    """Harmonics at the port that satisfy the balance.
+
+    Parameters
+    ----------
+    entering, leaving : ndarray
+        (C, r, COEFFICIENTS) of the deviation in front of the nonlinearity and behind it.
+    slope : ndarray
+        (C, n, n) derivative of the balance by `entering`.
+    through : ndarray
+        (C, n, n) derivative of `leaving` by `entering`.
+    converged : ndarray
+        (C,) whether a cell is balanced.
     """
 
     entering: np.ndarray
@@ -129,54 +158,73 @@ class PeriodicMotion:
 
 def solve_balance(
     linear: LinearPart,
-    shape: Shape,
-    rest: np.ndarray,
+    nonlinearity: Nonlinearity,
+    steady: np.ndarray,
     threshold: float,
     start: np.ndarray | None = None,
 ) -> PeriodicMotion:
-    """Solve the balance of all cells by Newton's method, with shorter steps where whole ones do not
-    help.
+    """Solve the balance of all cells by Newton's method with step halving.
 
-    rest : (C, r), the port's value at rest. start : (C, r, COEFFICIENTS) of `entering`; where that
-    does not lead to a balance, or is None, motions with a part of the signal let through are begun
-    from, the nearest to a balance first.
+    Parameters
+    ----------
+    steady : ndarray
+        (C, r) operating value at the port.
+    threshold : float
+        Per unit.
+    start : ndarray or None
+        (C, r, COEFFICIENTS) of `entering`. Cells that do not converge from there, or all without
+        it, begin with linear motions in which a part of the signal passes, the nearest to a balance
+        first.
     """
-    cells, n = linear.drive.shape
-    if start is None:
-        motion, lost = None, np.arange(cells)
-    else:
-        motion = _iterate_newton(linear, shape, rest, threshold, start.reshape(cells, -1))
-        lost = np.flatnonzero(~motion.converged)
-    if not len(lost):
-        return (
-            motion
-            if motion is not None
-            else _iterate_newton(linear, shape, rest, threshold, linear.drive)
-        )
-    part = linear.select(lost)
-    guesses = np.array(
-        [np.linalg.solve(np.eye(n) - g * part.back, part.drive[..., None])[..., 0] for g in THROUGH]
-    )
-    errors = np.array([_balance_error(part, shape, rest[lost], threshold, one) for one in guesses])
-    order = np.argsort(errors, axis=0)
-    for guess in range(TRIED):
-        begun = guesses[order[guess], np.arange(len(lost))]
-        found = _iterate_newton(part, shape, rest[lost], threshold, begun)
-        motion = found if motion is None else _replace_cells(motion, lost, found)
-        left = np.flatnonzero(~found.converged)
+    cells = len(linear.drive)
+    if not cells:
+        raise ValueError("a balance needs at least one cell")
+    motion = None
+    unsolved = np.arange(cells)
+    if start is not None:
+        entering = start.reshape(cells, -1)
+        motion = _iterate_newton(linear, nonlinearity, steady, threshold, entering)
+        unsolved = np.flatnonzero(~motion.converged)
+    if not len(unsolved):
+        assert motion is not None
+        return motion
+    part = linear.select(unsolved)
+    guesses = _linear_motions(part)
+    errors = [
+        _balance_error(part, nonlinearity, steady[unsolved], threshold, guess) for guess in guesses
+    ]
+    order = np.argsort(np.array(errors), axis=0)
+    for rank in range(MOST_TRIED):
+        nearest = guesses[order[rank], np.arange(len(unsolved))]
+        solved = _iterate_newton(part, nonlinearity, steady[unsolved], threshold, nearest)
+        motion = solved if motion is None else _replace_cells(motion, unsolved, solved)
+        left = np.flatnonzero(~solved.converged)
         if not len(left):
             break
-        part, lost, guesses, order = part.select(left), lost[left], guesses[:, left], order[:, left]
-    if motion is None:
-        raise ValueError("a balance needs at least one cell")
+        part = part.select(left)
+        unsolved = unsolved[left]
+        guesses = guesses[:, left]
+        order = order[:, left]
+    assert motion is not None
     return motion
 
 
+def _linear_motions(linear: LinearPart) -> np.ndarray:
+    """Return the motions (G, C, n) in which the port passes each of G parts of the signal."""
+    identity = np.eye(linear.drive.shape[1])
+    return np.array(
+        [
+            np.linalg.solve(identity - gain * linear.back, linear.drive[..., None])[..., 0]
+            for gain in INITIAL_GAINS
+        ]
+    )
+
+
 def _replace_cells(
-    motion: PeriodicMotion, where: np.ndarray, others: PeriodicMotion
+    motion: PeriodicMotion, cells: np.ndarray, others: PeriodicMotion
 ) -> PeriodicMotion:
-    """A motion with some cells exchanged for others where those are balanced."""
-    better = where[others.converged]
+    """Replace some cells of a motion by others where those are balanced."""
+    better = cells[others.converged]
     fields = {name: value.copy() for name, value in vars(motion).items()}
     for name, value in fields.items():
         value[better] = getattr(others, name)[others.converged]
@@ -184,85 +232,113 @@ def _replace_cells(
 
 
 def _balance_error(
-    linear: LinearPart, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+    linear: LinearPart,
+    nonlinearity: Nonlinearity,
+    steady: np.ndarray,
+    threshold: float,
+    z: np.ndarray,
 ) -> np.ndarray:
-    """(C,) how far entering coefficients (C, n) are from a balance, over the signal behind the port
-    without it.
-    """
-    *_, left = _balance(linear, shape, rest, threshold, z)
-    return np.abs(left / (1.0 + np.abs(linear.back).sum(axis=2))).max(axis=1)
+    """Return how far entering coefficients z (C, n) are from a balance, (C,)."""
+    *_, residual = _balance(linear, nonlinearity, steady, threshold, z)
+    return np.abs(residual / (1.0 + np.abs(linear.back).sum(axis=2))).max(axis=1)
 
 
 def _balance(
-    linear: LinearPart, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+    linear: LinearPart,
+    nonlinearity: Nonlinearity,
+    steady: np.ndarray,
+    threshold: float,
+    z: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Of entering coefficients (C, n): the leaving ones, the slopes of the law, and what the
-    balance leaves over.
+    """Evaluate the balance at entering coefficients z (C, n).
+
+    Returns
+    -------
+    tuple of ndarray
+        Leaving coefficients (C, n), derivative of the nonlinearity (C, r, r, SAMPLES), and residual
+        of the balance (C, n).
     """
-    samples = z.reshape(len(z), rest.shape[1], COEFFICIENTS) @ BASIS.T
-    behind, slopes = shape.law(samples, rest[..., None], threshold)
-    leaving = (behind @ PROJECTION.T).reshape(len(z), -1)
-    return leaving, slopes, z - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
+    samples = z.reshape(len(z), steady.shape[1], COEFFICIENTS) @ BASIS.T
+    output, derivative = nonlinearity.law(samples, steady[..., None], threshold)
+    leaving = (output @ PROJECTION.T).reshape(len(z), -1)
+    residual = z - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
+    return leaving, derivative, residual
 
 
-def response(linear: LinearPart, leaving: np.ndarray) -> np.ndarray:
-    """(C, 2) complex: the column of Y that a motion means. leaving : (C, r, COEFFICIENTS)."""
+def admittance_columns(linear: LinearPart, leaving: np.ndarray) -> np.ndarray:
+    """Return the columns (C, 2) of the admittance of a motion, complex.
+
+    leaving : (C, r, COEFFICIENTS).
+    """
     w = leaving[..., 1] + 1j * leaving[..., 2]
     return linear.y_u + np.einsum("cij,cj->ci", linear.y_w, w) / linear.amplitude[:, None]
 
 
 def extrapolate_leaving(before: PeriodicMotion, linear: LinearPart) -> np.ndarray:
-    """`leaving` (C, r, COEFFICIENTS) after one step of Newton's method in a slightly different
-    model; exact to first order.
+    """Return `leaving` (C, r, COEFFICIENTS) in a slightly different model, by one Newton step.
+
+    Exact to first order.
     """
     shape = before.entering.shape
-    entering, leaving = before.entering.reshape(shape[0], -1), before.leaving.reshape(shape[0], -1)
-    left = entering - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
-    step = -np.linalg.solve(before.slope, left[..., None])[..., 0]
+    entering = before.entering.reshape(shape[0], -1)
+    leaving = before.leaving.reshape(shape[0], -1)
+    residual = entering - linear.drive - np.einsum("cij,cj->ci", linear.back, leaving)
+    step = -np.linalg.solve(before.slope, residual[..., None])[..., 0]
     return (leaving + np.einsum("cij,cj->ci", before.through, step)).reshape(shape)
 
 
 def _iterate_newton(
-    linear: LinearPart, shape: Shape, rest: np.ndarray, threshold: float, z: np.ndarray
+    linear: LinearPart,
+    nonlinearity: Nonlinearity,
+    steady: np.ndarray,
+    threshold: float,
+    z: np.ndarray,
 ) -> PeriodicMotion:
-    """From entering coefficients z (C, n); cells that are balanced, or cannot be, rest while the
-    others go on.
+    """Iterate from entering coefficients z (C, n).
+
+    Cells that are balanced stay while the others go on.
     """
-    cells, r = rest.shape
+    cells, r = steady.shape
     z = z.copy()
     scale = 1.0 / (1.0 + np.abs(linear.back).sum(axis=2))
-    size = np.maximum(np.abs(linear.drive).max(axis=1), 1e-12)
+    drive = np.maximum(np.abs(linear.drive).max(axis=1), LEAST_DRIVE)
 
-    def at(
+    def evaluate(
         entering: np.ndarray, where: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-        """Of some cells: leaving coefficients, slopes, what the balance leaves over, and how much
-        that is.
-        """
-        leaving, slopes, left = _balance(
-            linear.select(where), shape, rest[where], threshold, entering
+        """Return leaving coefficients, derivative, scaled residual and its size, of some cells."""
+        leaving, derivative, residual = _balance(
+            linear.select(where), nonlinearity, steady[where], threshold, entering
         )
-        left = scale[where] * left
-        return leaving, slopes, left, np.abs(left).max(axis=1) / size[where]
+        residual = scale[where] * residual
+        return leaving, derivative, residual, np.abs(residual).max(axis=1) / drive[where]
 
     moving = np.arange(cells)
-    _, slopes, left, error = at(z, moving)
-    for _ in range(STEPS):
-        going = error >= CONVERGED
-        if not going.any():
+    _, derivative, residual, error = evaluate(z, moving)
+    for _ in range(NEWTON_STEPS):
+        goes_on = error >= CONVERGED
+        if not goes_on.any():
             break
-        moving, slopes, left, error = moving[going], slopes[going], left[going], error[going]
-        slope = np.eye(z.shape[1]) - linear.back[moving] @ _transfer_slopes(slopes)
-        step = -np.linalg.solve(scale[moving][..., None] * slope, left[..., None])[..., 0]
+        moving = moving[goes_on]
+        derivative = derivative[goes_on]
+        residual = residual[goes_on]
+        error = error[goes_on]
+        slope = np.eye(z.shape[1]) - linear.back[moving] @ _coefficient_derivative(derivative)
+        scaled_slope = scale[moving][..., None] * slope
+        step = -np.linalg.solve(scaled_slope, residual[..., None])[..., 0]
         part = np.ones(len(moving))
-        worse = np.flatnonzero(~(at(z[moving] + step, moving)[3] < error))
+        is_gain = evaluate(z[moving] + step, moving)[3] < error
+        worse = np.flatnonzero(~is_gain)
         if len(worse):
-            tried = [at(z[moving[worse]] + one * step[worse], moving[worse])[3] for one in PARTS]
-            part[worse] = np.array(PARTS)[np.argmin(tried, axis=0)]
+            stuck = moving[worse]
+            errors = [
+                evaluate(z[stuck] + shorter * step[worse], stuck)[3] for shorter in SHORTER_STEPS
+            ]
+            part[worse] = np.array(SHORTER_STEPS)[np.argmin(errors, axis=0)]
         z[moving] += part[:, None] * step
-        _, slopes, left, error = at(z[moving], moving)
-    leaving, slopes, _, error = at(z, np.arange(cells))
-    through = _transfer_slopes(slopes)
+        _, derivative, residual, error = evaluate(z[moving], moving)
+    leaving, derivative, _, error = evaluate(z, np.arange(cells))
+    through = _coefficient_derivative(derivative)
     return PeriodicMotion(
         entering=z.reshape(cells, r, COEFFICIENTS),
         leaving=leaving.reshape(cells, r, COEFFICIENTS),
@@ -272,8 +348,12 @@ def _iterate_newton(
     )
 
 
-def _transfer_slopes(slopes: np.ndarray) -> np.ndarray:
-    """(C, n, n) from coefficients to coefficients, of slopes (C, r, r, SAMPLES)."""
-    cells, r = slopes.shape[:2]
-    pairs = (slopes.reshape(-1, SAMPLES) @ _TWICE).reshape(cells, r, r, COEFFICIENTS, COEFFICIENTS)
+def _coefficient_derivative(derivative: np.ndarray) -> np.ndarray:
+    """Return the derivative of leaving by entering coefficients, (C, n, n).
+
+    derivative : (C, r, r, SAMPLES) of the nonlinearity at each sample.
+    """
+    cells, r = derivative.shape[:2]
+    pairs = derivative.reshape(-1, SAMPLES) @ _PROJECTED_BASIS
+    pairs = pairs.reshape(cells, r, r, COEFFICIENTS, COEFFICIENTS)
     return np.moveaxis(pairs, 2, 3).reshape(cells, r * COEFFICIENTS, r * COEFFICIENTS)

@@ -1,4 +1,4 @@
-"""The fit of one nonlinearity at one port: its threshold and the parameters of the model, over all
+"""The fit of one nonlinearity at one port: its threshold and the parameters of the model, to all
 amplitudes together.
 """
 
@@ -14,36 +14,61 @@ from ibrid.gap.amplitudes.amplitude_data import AmplitudeData
 from ibrid.gap.amplitudes.harmonic_balance import (
     LinearPart,
     PeriodicMotion,
+    admittance_columns,
     build_linear_part,
     evaluate_at_harmonics,
     extrapolate_leaving,
-    response,
     solve_balance,
 )
-from ibrid.gap.amplitudes.nonlinearity_edits import NonlinearityEdit, values_at_rest
+from ibrid.gap.amplitudes.nonlinearity_edits import NonlinearityEdit, operating_values
 from ibrid.gap.ports.open_port import OpenPort
 from ibrid.gap.refitting.model import FitResult
 from ibrid.gap.refitting.prior import ParameterPrior, Prior
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.diagrams.diagram import Diagram
 
-#: Thresholds to begin with, and their box: of a dead zone or saturation per unit; of a limit its
-#: distance from the largest value at rest, relative to that.
-BANK = tuple(np.geomspace(3e-4, 0.1, 9))
-BOX = (1e-5, 1.0)
-#: Starts that are descended, steps of each and of the best, and the step of numeric slopes.
-KEPT, FIRST_STEPS, MOST_STEPS, SLOPE = 2, 8, 40, 1e-5
+#: Initial thresholds and their bounds: of a dead zone or saturation per unit; of a limit its
+#: distance from the largest operating value, relative to that.
+INITIAL_THRESHOLDS = tuple(np.geomspace(3e-4, 0.1, 9))
+THRESHOLD_BOUNDS = (1e-5, 1.0)
+#: Starts that are descended, steps of each, and of the best.
+DESCENDED_STARTS = 2
+FIRST_STEPS = 8
+MOST_STEPS = 40
+#: Finite-difference step in search coordinates.
+SLOPE_STEP = 1e-5
+#: Factor on a threshold within which its 95 % interval must lie for it to be identifiable.
+IDENTIFIABLE_FACTOR = 10.0
+#: 97.5 % quantile of the normal distribution.
+NORMAL_97 = 1.96
 DESCENT = Descent(
     marquardt=True, damping=1e-3, greatest=1e7, largest=1.0, enough=1e-4, small=1e-3, trusted=np.inf
 )
 
+#: The linear part of a model, and the operating value (M, r) at the port.
+OpenedAtPort = tuple[LinearPart, np.ndarray]
+
 
 @dataclass(frozen=True, eq=False)
 class NonlinearityPoint:
-    """A point of the search. `x` : (P + 1,), the last is ln of the threshold as it is searched for.
-    `chi2` : of the data,
-    `cost` : with the prior. `Y` : (K, M, L, 2, 2). `rest` : (M, r). `linear`, `motion` : of all
-    cells.
+    """The model evaluated at one point of the search.
+
+    Parameters
+    ----------
+    x : ndarray
+        (P + 1,) search coordinates; the last is the logarithm of the threshold's coordinate.
+    threshold : float
+        Per unit.
+    chi2, cost : float
+        Of the data, and with the prior penalty.
+    Y : ndarray
+        (K, M, L, 2, 2) admittances.
+    steady : ndarray
+        (M, r) operating value at the port.
+    linear : LinearPart
+        Of the model at its parameters, for all cells.
+    motion : PeriodicMotion
+        The balanced harmonics of all cells.
     """
 
     x: np.ndarray
@@ -51,7 +76,7 @@ class NonlinearityPoint:
     chi2: float
     cost: float
     Y: np.ndarray
-    rest: np.ndarray
+    steady: np.ndarray
     linear: LinearPart
     motion: PeriodicMotion
 
@@ -60,235 +85,277 @@ class NonlinearityPoint:
 class NonlinearityFit(FitResult):
     """A nonlinearity at its best threshold and parameters.
 
-    `interval` : of the threshold, 95 %. `state` : the motion there.
+    Parameters
+    ----------
+    edit : NonlinearityEdit
+        The nonlinearity and its port.
+    threshold : float
+        Per unit, with its 95 % confidence `interval`.
+    point : NonlinearityPoint
+        The model there.
     """
 
-    place: NonlinearityEdit
+    edit: NonlinearityEdit
     threshold: float
     interval: tuple[float, float]
-    state: NonlinearityPoint
+    point: NonlinearityPoint
 
     @property
-    def seen(self) -> bool:
-        """True where the data hold the threshold inside its box, and every motion is balanced."""
+    def is_identifiable(self) -> bool:
+        """Whether the data determine the threshold and all motions are balanced."""
         low, high = self.interval
-        inside = np.isfinite(high) and high < 10.0 * self.threshold and low > 0.1 * self.threshold
-        return bool(inside and self.state.motion.converged.all())
+        is_bounded_above = np.isfinite(high) and high < IDENTIFIABLE_FACTOR * self.threshold
+        is_bounded_below = low > self.threshold / IDENTIFIABLE_FACTOR
+        return bool(is_bounded_above and is_bounded_below and self.point.motion.converged.all())
 
 
 class NonlinearityFitter:
-    """The fits of one place to one set of data."""
+    """Fits one nonlinearity to sweeps at several amplitudes.
+
+    A `SumOfSquares` over the search coordinates x (P + 1,).
+
+    Parameters
+    ----------
+    edit : NonlinearityEdit
+        The nonlinearity and its port.
+    diagram : Diagram
+        The linear model.
+    kinds : Vocabulary
+        Its module kinds.
+    data : AmplitudeData
+        The measured data.
+    prior : Prior
+        Nominal values with tolerances.
+    """
 
     def __init__(
         self,
-        place: NonlinearityEdit,
+        edit: NonlinearityEdit,
         diagram: Diagram,
         kinds: Vocabulary,
         data: AmplitudeData,
         prior: Prior,
     ) -> None:
-        self.place, self.diagram, self.kinds, self.data = place, diagram, kinds, data
-        self.model = evaluate_at_harmonics(OpenPort(place.port, kinds, data.sweep), data.frequency)
+        self.edit = edit
+        self.diagram = diagram
+        self.kinds = kinds
+        self.data = data
+        open_port = OpenPort(edit.port, kinds, data.sweep)
+        self.model = evaluate_at_harmonics(open_port, data.frequency)
         self.parameters = self.model.symbolic.parameters
         self.coordinates = self.model.coordinates
         self.parameter_prior = ParameterPrior(self.parameters, prior)
-        self._slopes_of: WeakKeyDictionary[NonlinearityPoint, np.ndarray] = WeakKeyDictionary()
-        low, high = np.log(BOX)  # of the threshold
-        self.box = np.append(self.coordinates.x_low, low), np.append(self.coordinates.x_high, high)
+        self._jacobians: WeakKeyDictionary[NonlinearityPoint, np.ndarray] = WeakKeyDictionary()
+        low, high = np.log(THRESHOLD_BOUNDS)
+        x_low = np.append(self.coordinates.x_low, low)
+        x_high = np.append(self.coordinates.x_high, high)
+        self.box = x_low, x_high
 
-    def best(self, starts: Sequence[Mapping[str, float]]) -> NonlinearityFit | None:
-        """The best fit from parameter values, each with every threshold of the bank; None where
-        nothing has a response.
+    def fit(self, starts: Sequence[Mapping[str, float]]) -> NonlinearityFit | None:
+        """Fit from parameter values by name, each with every initial threshold.
+
+        None where none has a response.
         """
-        begun: list[NonlinearityPoint] = []
+        points: list[NonlinearityPoint] = []
         for start in starts:
             x = self.parameter_prior.start(start)
-            beside = self._open_model(x)
-            states = (
-                []
-                if beside is None
-                else [self._solve_point(np.append(x, np.log(one)), beside) for one in BANK]
-            )
-            begun += [state for state in states if state is not None]
-        if not begun:
+            opened = self._open_model(x)
+            if opened is None:
+                continue
+            for threshold in INITIAL_THRESHOLDS:
+                point = self._solve_point(np.append(x, np.log(threshold)), opened)
+                if point is not None:
+                    points.append(point)
+        if not points:
             return None
-        begun.sort(key=lambda one: one.cost)
-        first = begun[:KEPT]
-        points = Points(
-            np.array([one.x for one in first]),
-            np.array([one.cost for one in first]),
-            carried(first),
-        )
-        best = DESCENT.go(self, DESCENT.start(points), FIRST_STEPS).best(1)
+        points.sort(key=lambda point: point.cost)
+        first = points[:DESCENDED_STARTS]
+        x = np.array([point.x for point in first])
+        cost = np.array([point.cost for point in first])
+        batch = DESCENT.start(Points(x, cost, carried(first)))
+        best = DESCENT.go(self, batch, FIRST_STEPS).best(1)
         best = DESCENT.go(self, DESCENT.start(best.points), MOST_STEPS)
         return self._summarise(best.points.carried[0][0])
 
+    # --- the sum of squares
+
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
-        """Evaluate x (S, P + 1), the motions from those near."""
-        before = (
-            [None] * len(x)
-            if near is None
-            else [state.motion.entering for state in near.carried[0]]
-        )
-        states = [self.state(*pair) for pair in zip(x, before, strict=True)]
-        return Points(
-            x,
-            np.array([np.inf if state is None else state.cost for state in states]),
-            carried(states),
-        )
+        """Evaluate the cost at x (S, P + 1), with motions that begin at those of `near`."""
+        motions: list[np.ndarray | None] = [None] * len(x)
+        if near is not None:
+            motions = [point.motion.entering for point in near.carried[0]]
+        points = [self.evaluate(*pair) for pair in zip(x, motions, strict=True)]
+        costs = [np.inf if point is None else point.cost for point in points]
+        return Points(x, np.array(costs), carried(points))
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
-        """g and H; slopes are taken once for each state."""
-        pairs = [self._normal(state) for state in points.carried[0]]
-        return np.array([gradient for gradient, _ in pairs]), np.array(
-            [hessian for _, hessian in pairs]
-        )
+        """Return half the gradient (S, P + 1) and the Gauss-Newton Hessian (S, P + 1, P + 1)."""
+        pairs = [self._normal(point) for point in points.carried[0]]
+        gradients = np.array([gradient for gradient, _ in pairs])
+        return gradients, np.array([hessian for _, hessian in pairs])
 
-    def _normal(self, state: NonlinearityPoint) -> tuple[np.ndarray, np.ndarray]:
-        jacobian = self._jacobian(state)
-        misfit = self.data.weight * (state.Y - self.data.admittance)
-        _, down, hold = self.parameter_prior.penalty_terms(state.x[:-1])
+    def _normal(self, point: NonlinearityPoint) -> tuple[np.ndarray, np.ndarray]:
+        """Return J'e and J'J of one point, with the terms of the prior."""
+        jacobian = self._jacobian(point)
+        misfit = self.data.weight * (point.Y - self.data.admittance)
+        _, slope, curvature = self.parameter_prior.penalty_terms(point.x[:-1])
         gradient = jacobian.T @ np.concatenate([np.real(misfit).ravel(), np.imag(misfit).ravel()])
-        return gradient + np.append(down, 0.0), jacobian.T @ jacobian + np.diag(
-            np.append(hold, 0.0)
-        )
+        hessian = jacobian.T @ jacobian + np.diag(np.append(curvature, 0.0))
+        return gradient + np.append(slope, 0.0), hessian
 
-    def state(self, x: np.ndarray, start: np.ndarray | None = None) -> NonlinearityPoint | None:
-        """The motion at x, begun from another one's `entering`; None where there is none."""
-        beside = self._open_model(x[:-1])
-        return None if beside is None else self._solve_point(x, beside, start)
+    def evaluate(
+        self, x: np.ndarray, entering: np.ndarray | None = None
+    ) -> NonlinearityPoint | None:
+        """Evaluate the model at x (P + 1,); None where it has no response.
+
+        entering : coefficients (C, r, n) of another motion, from which the balance begins.
+        """
+        opened = self._open_model(x[:-1])
+        return None if opened is None else self._solve_point(x, opened, entering)
 
     def _solve_point(
-        self, x: np.ndarray, beside: tuple[LinearPart, np.ndarray], start: np.ndarray | None = None
+        self, x: np.ndarray, opened: OpenedAtPort, entering: np.ndarray | None = None
     ) -> NonlinearityPoint | None:
-        linear, rest = beside
-        threshold = self._threshold(x[-1], rest)
-        motion = solve_balance(
-            linear, self.place.shape, self.data.spread_to_cells(rest), threshold, start
-        )
-        if start is not None and not motion.converged.all():
-            motion = solve_balance(
-                linear, self.place.shape, self.data.spread_to_cells(rest), threshold
-            )
-        Y = self.data.matrices(response(linear, motion.leaving))
+        """Balance the harmonics at x (P + 1,) with the model opened at its parameters."""
+        linear, steady = opened
+        threshold = self._threshold(x[-1], steady)
+        cell_steady = self.data.spread_to_cells(steady)
+        nonlinearity = self.edit.nonlinearity
+        motion = solve_balance(linear, nonlinearity, cell_steady, threshold, entering)
+        if entering is not None and not motion.converged.all():
+            motion = solve_balance(linear, nonlinearity, cell_steady, threshold)
+        Y = self.data.matrices(admittance_columns(linear, motion.leaving))
         misfit = self.data.weight * (Y - self.data.admittance)
         chi2 = float((np.abs(misfit) ** 2).sum())
         if not np.isfinite(chi2):
             return None
         cost = chi2 + float(self.parameter_prior.penalty_terms(x[:-1])[0])
-        return NonlinearityPoint(x, threshold, chi2, cost, Y, rest, linear, motion)
+        return NonlinearityPoint(x, threshold, chi2, cost, Y, steady, linear, motion)
 
-    def _open_model(self, x: np.ndarray) -> tuple[LinearPart, np.ndarray] | None:
-        """What the model does beside the port, and the value at rest (M, r), at parameters x (P,);
-        None where it has none.
-        """
+    def _open_model(self, x: np.ndarray) -> OpenedAtPort | None:
+        """Open the model at its port, at parameters x (P,); None where it has no response."""
         theta = self.coordinates.to_theta(x)
         with np.errstate(all="ignore"):
             opened = self.model.at(theta)
         if opened is None:
             return None
         linear = build_linear_part(opened, self.data.amplitude)
-        rest = np.zeros((self.data.amplitude.shape[1], opened.z_u.shape[-2]))
-        if self.place.resting:
-            values = {one.name: float(theta[k]) for k, one in enumerate(self.parameters)}
+        steady = np.zeros((self.data.amplitude.shape[1], opened.z_u.shape[-2]))
+        if self.edit.channels:
+            values = self._values(theta)
             try:
-                rest = values_at_rest(self.place, self.diagram, self.kinds, self.data.sweep, values)
+                steady = operating_values(
+                    self.edit, self.diagram, self.kinds, self.data.sweep, values
+                )
             except IbridError:
                 return None
-        finite = (
-            np.isfinite(linear.back).all()
-            and np.isfinite(linear.drive).all()
-            and np.isfinite(rest).all()
-        )
-        return (linear, rest) if finite else None
+        arrays = (linear.back, linear.drive, steady)
+        is_finite = all(np.isfinite(array).all() for array in arrays)
+        return (linear, steady) if is_finite else None
 
-    def _threshold(self, x: float, rest: np.ndarray) -> float:
-        """Per unit, of the coordinate that is searched; a limit counts from the largest value at
-        rest.
+    def _values(self, theta: np.ndarray) -> dict[str, float]:
+        """Return parameter values by name."""
+        return {parameter.name: float(theta[k]) for k, parameter in enumerate(self.parameters)}
+
+    def _threshold(self, x: float, steady: np.ndarray) -> float:
+        """Return the threshold per unit of its coordinate x.
+
+        That of a limit counts from the largest operating value, (M, r).
         """
-        excess = float(np.exp(x))
-        return (
-            float(self.place.shape.rest_size(rest).max() * (1.0 + excess))
-            if self.place.shape.limits
-            else excess
-        )
+        distance = float(np.exp(x))
+        nonlinearity = self.edit.nonlinearity
+        if not nonlinearity.is_limit:
+            return distance
+        return float(nonlinearity.limited_magnitude(steady).max() * (1.0 + distance))
 
-    def _jacobian(self, state: NonlinearityPoint) -> np.ndarray:
-        """The slopes at a state, taken once."""
-        if state not in self._slopes_of:
-            self._slopes_of[state] = self._slopes(state)
-        return self._slopes_of[state]
+    # --- derivatives and the result
 
-    def _slopes(self, state: NonlinearityPoint) -> np.ndarray:
-        """White dY/dx, (2 N, P + 1) real rows; exact to first order without solving the balance
-        anew.
+    def _jacobian(self, point: NonlinearityPoint) -> np.ndarray:
+        """Return the Jacobian at a point, computed once."""
+        if point not in self._jacobians:
+            self._jacobians[point] = self._compute_jacobian(point)
+        return self._jacobians[point]
+
+    def _compute_jacobian(self, point: NonlinearityPoint) -> np.ndarray:
+        """Compute the whitened dY/dx (R, P + 1), real parts first, by finite differences.
+
+        The balance is not solved again where neither threshold nor operating value changes: one
+        Newton step is exact to first order.
         """
-        columns = []
-        for k in range(len(state.x)):
-            x = state.x.copy()
-            step = SLOPE if x[k] + SLOPE <= self.box[1][k] else -SLOPE
+        columns: list[np.ndarray] = []
+        for k in range(len(point.x)):
+            x = point.x.copy()
+            step = SLOPE_STEP if x[k] + SLOPE_STEP <= self.box[1][k] else -SLOPE_STEP
             x[k] += step
-            beside = (state.linear, state.rest) if k == len(x) - 1 else self._open_model(x[:-1])
-            if beside is None:
-                columns.append(np.zeros(2 * state.Y.size))
+            is_threshold = k == len(x) - 1
+            opened = (point.linear, point.steady) if is_threshold else self._open_model(x[:-1])
+            if opened is None:
+                columns.append(np.zeros(2 * point.Y.size))
                 continue
-            linear, rest = beside
-            threshold = self._threshold(x[-1], rest)
-            if threshold == state.threshold and np.array_equal(rest, state.rest):
-                leaving = extrapolate_leaving(state.motion, linear)
-            else:
-                again = solve_balance(
-                    linear,
-                    self.place.shape,
-                    self.data.spread_to_cells(rest),
-                    threshold,
-                    state.motion.entering,
-                )
-                leaving = again.leaving
-            white = (
-                self.data.weight * (self.data.matrices(response(linear, leaving)) - state.Y) / step
-            )
-            columns.append(np.concatenate([np.real(white).ravel(), np.imag(white).ravel()]))
+            leaving = self._leaving_near(point, opened, self._threshold(x[-1], opened[1]))
+            Y = self.data.matrices(admittance_columns(opened[0], leaving))
+            slope = self.data.weight * (Y - point.Y) / step
+            columns.append(np.concatenate([np.real(slope).ravel(), np.imag(slope).ravel()]))
         return np.nan_to_num(np.array(columns).T)
 
-    def _summarise(self, state: NonlinearityPoint) -> NonlinearityFit:
-        jacobian = self._jacobian(state)
-        low, high = self.box
-        box = (high - low) ** -2.0
-        data, prior = (
-            jacobian.T @ jacobian,
-            np.diag(np.append(self.parameter_prior.penalty_terms(state.x[:-1])[2], 0.0) + box),
-        )
-        unit = np.diag(data + prior) ** -0.5
-        covariance = (
-            unit[:, None]
-            * np.linalg.pinv(unit[:, None] * (data + prior) * unit, hermitian=True)
-            * unit
-        )
-        effective = float(np.trace(covariance @ data))
-        spread = 1.96 * float(np.sqrt(max(covariance[-1, -1], 0.0)))
-        ends = [
-            self._threshold(np.clip(state.x[-1] + one, -50.0, 50.0), state.rest)
-            for one in (-spread, spread)
-        ]
-        # products of signals shift the mean in front of a limit by a^2/2, which no linear model
-        # tells
-        shift = float(self.data.amplitude.max()) ** 2 / 2.0 if self.place.shape.limits else 0.0
-        low, high = (
-            state.threshold
-            + np.copysign(np.hypot(one - state.threshold, shift), one - state.threshold)
-            for one in ends
-        )
-        theta = self.coordinates.to_theta(state.x[:-1])
+    def _leaving_near(
+        self, point: NonlinearityPoint, opened: OpenedAtPort, threshold: float
+    ) -> np.ndarray:
+        """Return the leaving coefficients (C, r, n) of a slightly different model."""
+        linear, steady = opened
+        if threshold == point.threshold and np.array_equal(steady, point.steady):
+            return extrapolate_leaving(point.motion, linear)
+        cell_steady = self.data.spread_to_cells(steady)
+        entering = point.motion.entering
+        motion = solve_balance(linear, self.edit.nonlinearity, cell_steady, threshold, entering)
+        return motion.leaving
+
+    def _summarise(self, point: NonlinearityPoint) -> NonlinearityFit:
+        """Return the fit at a point, with degrees of freedom and the interval of the threshold."""
+        jacobian = self._jacobian(point)
+        information = jacobian.T @ jacobian
+        covariance = self._covariance(point, information)
+        effective = float(np.trace(covariance @ information))
+        count = self.data.measurement_count
         return NonlinearityFit(
-            values={one.name: float(theta[k]) for k, one in enumerate(self.parameters)},
-            chi2=state.chi2,
-            penalty=state.cost - state.chi2,
-            dof=max(self.data.measurement_count - effective, 1.0),
-            measurement_count=self.data.measurement_count,
-            parameter_count=len(state.x),
-            place=self.place,
-            threshold=state.threshold,
-            interval=(float(low), float(high)),
-            state=state,
+            values=self._values(self.coordinates.to_theta(point.x[:-1])),
+            chi2=point.chi2,
+            penalty=point.cost - point.chi2,
+            dof=max(count - effective, 1.0),
+            measurement_count=count,
+            parameter_count=len(point.x),
+            edit=self.edit,
+            threshold=point.threshold,
+            interval=self._threshold_interval(point, float(covariance[-1, -1])),
+            point=point,
         )
+
+    def _covariance(self, point: NonlinearityPoint, information: np.ndarray) -> np.ndarray:
+        """Return the covariance (P + 1, P + 1) of x by data and prior.
+
+        What neither determines lies within its bounds.
+        """
+        low, high = self.box
+        by_bounds = (high - low) ** -2.0
+        curvature = self.parameter_prior.penalty_terms(point.x[:-1])[2]
+        prior = np.diag(np.append(curvature, 0.0) + by_bounds)
+        unit = np.diag(information + prior) ** -0.5
+        scaled = unit[:, None] * (information + prior) * unit
+        return unit[:, None] * np.linalg.pinv(scaled, hermitian=True) * unit
+
+    def _threshold_interval(self, point: NonlinearityPoint, variance: float) -> tuple[float, float]:
+        """Return the 95 % interval of the threshold, from the variance of its coordinate.
+
+        Products of signals shift the mean in front of a limit by a^2/2, which no linear model
+        shows; that widens its interval.
+        """
+        half_width = NORMAL_97 * float(np.sqrt(max(variance, 0.0)))
+        shift = 0.0
+        if self.edit.nonlinearity.is_limit:
+            shift = float(self.data.amplitude.max()) ** 2 / 2.0
+        ends: list[float] = []
+        for offset in (-half_width, half_width):
+            x = np.clip(point.x[-1] + offset, -50.0, 50.0)
+            distance = self._threshold(x, point.steady) - point.threshold
+            ends.append(float(point.threshold + np.copysign(np.hypot(distance, shift), distance)))
+        return ends[0], ends[1]

@@ -192,7 +192,7 @@ class NonlinearityTrial:
 
 
 @dataclass(frozen=True, eq=False)
-class AmplitudeDependence:
+class AmplitudeResult:
     """`linearity` : the gate.
 
     `kept` : number of frequencies that the small-signal answer rests on. `words` : of the
@@ -266,7 +266,7 @@ class Gap(Frozen):
     angle: float = 0.0
     convention: Convention = field(default_factory=Convention)
     suggested: tuple[SuggestedEdit, ...] = ()
-    amplitude: AmplitudeDependence | None = None
+    amplitude: AmplitudeResult | None = None
     events: EventComparison | None = None
     effort: str = "normal"
     experiments: int = 0
