@@ -1,6 +1,4 @@
-"""How much a search for a gap may do: experiments, which are the same on every machine, and no
-seconds.
-"""
+"""The effort of a search for a gap, counted in experiments, which are the same on every machine."""
 
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -11,10 +9,10 @@ from typing import Any
 
 from ibrid.fit.settings import require_one_of
 
-#: Experiments (looks at an edit, and refits) that a search for a gap may make, by the name of the
-#: effort. Counted with the whole catalogue: 70 to 90 where nothing is missing, 90 to 230 beside a
-#: wrong label, 330 and 590 for two effects, 890 and 1,440 for shipped sweeps beside `gfl`, 2,155
-#: for an effect that the catalogue lacks, the most of these.
+#: Experiments (fits and screening fits of edits) that a search may make, by the name of the effort.
+#: With the whole catalogue: 70 to 90 where nothing is missing, 90 to 230 with a wrong label, 330
+#: and 590 for two effects, 890 and 1,440 for the built-in sweeps with `gfl`, 2,155 for an effect
+#: that the catalogue lacks, the most of these.
 EXPERIMENTS: Mapping[str, float] = MappingProxyType({"low": 600, "normal": 10_000, "high": inf})
 
 
@@ -22,8 +20,14 @@ EXPERIMENTS: Mapping[str, float] = MappingProxyType({"low": 600, "normal": 10_00
 class Budget:
     """Experiments of one search for a gap, counted by its dataset even where results are cached.
 
-    `effort` : a name of `EXPERIMENTS`. `made` : so many experiments. `stopped` : True once more
-    were wanted than the effort has.
+    Parameters
+    ----------
+    effort : str
+        A name of `EXPERIMENTS`.
+    made : int
+        Experiments so far.
+    stopped : bool
+        Whether more were wanted than the effort allows.
     """
 
     effort: str = "normal"
@@ -34,33 +38,32 @@ class Budget:
         require_one_of("effort", self.effort, tuple(EXPERIMENTS))
 
     def spend(self, experiments: int = 1) -> None:
-        """So many experiments are made."""
+        """Count experiments that are made."""
         self.made += experiments
 
     def is_exhausted(self) -> bool:
-        """True when no further experiment may begin."""
+        """Whether no further experiment may begin."""
         self.stopped = self.stopped or self.made >= EXPERIMENTS[self.effort]
         return self.stopped
 
     def summarise(self, sentence: str) -> dict[str, Any]:
-        """What an answer with such a sentence says of it, as fields: unfinished where more was
-        wanted.
+        """Return the fields of a `Gap` that report the effort.
+
+        sentence : of the result; it is extended where the search was stopped.
         """
-        spent: dict[str, Any] = {"effort": self.effort, "experiments": self.made}
+        fields: dict[str, Any] = {"effort": self.effort, "experiments": self.made}
         if not self.stopped:
-            return spent
-        short = (
+            return fields
+        warning = (
             f"Stopped after {self.made} experiments (effort {self.effort}), when not everything "
             "was tried: this holds "
             "of what was; go on with a higher effort."
         )
-        return {**spent, "complete": False, "sentence": f"Unfinished: {sentence} {short}"}
+        return {**fields, "complete": False, "sentence": f"Unfinished: {sentence} {warning}"}
 
     @contextmanager
     def without_counting(self) -> Iterator[None]:
-        """Experiments within are not counted: those of an answer on the way, which come by the
-        clock.
-        """
+        """Do not count experiments inside: those of intermediate results depend on the clock."""
         made, stopped = self.made, self.stopped
         try:
             yield

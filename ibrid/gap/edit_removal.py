@@ -1,4 +1,4 @@
-"""A repaired model without one of its edits, the others done to what is then there."""
+"""Removal of one edit from a repaired model: the others are applied without it, and refitted."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -14,61 +14,72 @@ from ibrid.structure.diagrams.diagram import Diagram
 
 
 def drop_lost_forms(dataset: Dataset, given: Model, best: Model) -> Model:
-    """The same device without the form of a delay that went later: what was done to that is then
-    told of the given model.
+    """Remove forms of delays that a later edit made irrelevant, where the structure stays the same.
+
+    The later edit is then reported as one of the given model.
     """
-    for place in reversed(find_lost_forms(given.diagram, best.edits)):
-        alone = refit_without_edit(dataset, given, best, place)
-        if alone is not None and _structure(dataset, alone) == _structure(dataset, best):
-            best = alone
+    for position in reversed(find_lost_forms(given.diagram, best.edits)):
+        remainder = refit_without_edit(dataset, given, best, position)
+        if remainder is None:
+            continue
+        if _structure(dataset, remainder) == _structure(dataset, best):
+            best = remainder
     return best
 
 
-def refit_without_edit(dataset: Dataset, given: Model, best: Model, place: int) -> Model | None:
-    """The repaired model without one of its edits, refitted; None where the others do not apply
-    without it.
+def refit_without_edit(dataset: Dataset, given: Model, best: Model, position: int) -> Model | None:
+    """Refit the repaired model without the edit at a position.
+
+    None where the others cannot be applied without it, or without a response.
     """
-    model, done = given, ()
-    before = given.diagram
+    model = given
+    applied: tuple[Insertion | Convention, ...] = ()
+    diagram_before = given.diagram
     for number, edit in enumerate(best.edits):
-        taken = _removed_blocks(before, edit)
-        before = before if isinstance(edit, Convention) else edit.diagram
-        if number == place:
+        removed = _removed_blocks(diagram_before, edit)
+        if isinstance(edit, Insertion):
+            diagram_before = edit.diagram
+        if number == position:
             continue
         if isinstance(edit, Convention):
             model = replace(model, convention=edit, extra=best.extra)
-        else:
-            twin = _find_same_edit(dataset.insertions(model), model.diagram, edit, taken)
-            if twin is None:
-                return None
-            model, edit = replace(model, diagram=twin.diagram), twin
-        done = (*done, edit)
-    return dataset.refit_model(
-        replace(model, edits=done), [best.refit.values, {}], draws=TRIAL_DRAWS
-    )
+            applied = (*applied, edit)
+            continue
+        same = _find_same_edit(dataset.insertions(model), model.diagram, edit, removed)
+        if same is None:
+            return None
+        model = replace(model, diagram=same.diagram)
+        applied = (*applied, same)
+    model = replace(model, edits=applied)
+    return dataset.refit_model(model, [best.refit.values, {}], draws=TRIAL_DRAWS)
 
 
 def _find_same_edit(
-    edits: Sequence[Insertion], diagram: Diagram, edit: Insertion, taken: frozenset[str]
+    edits: Sequence[Insertion], diagram: Diagram, edit: Insertion, removed: frozenset[str]
 ) -> Insertion | None:
-    """Of edits of a diagram the one that does what an edit did to another; by its name, or by the
-    blocks that it takes away.
+    """Find the edit of a diagram that does what an edit did to another one; None where none does.
+
+    By its name, or by the blocks that it removes.
     """
-    same = (edit.effect, edit.change, edit.where)
-    named = next((one for one in edits if (one.effect, one.change, one.where) == same), None)
-    if named is not None or edit.change != "remove" or not taken:
-        return named
-    return next(
-        (one for one in edits if one.change == "remove" and _removed_blocks(diagram, one) == taken),
-        None,
-    )
+    name = (edit.effect, edit.change, edit.where)
+    for candidate in edits:
+        if (candidate.effect, candidate.change, candidate.where) == name:
+            return candidate
+    if edit.change != "remove" or not removed:
+        return None
+    for candidate in edits:
+        if candidate.change == "remove" and _removed_blocks(diagram, candidate) == removed:
+            return candidate
+    return None
 
 
 def _removed_blocks(before: Diagram, edit: Insertion | Convention) -> frozenset[str]:
-    """Names of the blocks that an edit of a diagram takes away."""
+    """Return the names of the blocks that an edit of a diagram removes."""
     after = before if isinstance(edit, Convention) else edit.diagram
-    return frozenset(one.name for one in before.instances) - {one.name for one in after.instances}
+    names_after = {block.name for block in after.instances}
+    return frozenset(block.name for block in before.instances) - names_after
 
 
 def _structure(dataset: Dataset, model: Model) -> str:
+    """Return the structure hash of a model's diagram."""
     return structure_hash(model.diagram, dataset.kinds)

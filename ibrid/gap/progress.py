@@ -1,6 +1,4 @@
-"""A search for a gap as who waits for it sees it: how far it is, how long it may take, and what it
-knows so far.
-"""
+"""Progress of a search for a gap: the share that is done, the time left, intermediate results."""
 
 import time
 from collections.abc import Callable
@@ -12,46 +10,58 @@ from ibrid.telling import Tell
 if TYPE_CHECKING:
     from ibrid.gap.results.gap import Gap
 
-#: Seconds between two answers on the way, and those for each that an answer takes.
-EVERY, COSTS = 10.0, 20.0
+#: Seconds between two intermediate results at least; and the least ratio of that time to the time
+#: that one takes.
+EVERY = 10.0
+LEAST_RATIO = 20.0
 
 
 @dataclass
 class ProgressReporter:
-    """`tell` : is told (words, share of the whole).
+    """Reports progress and intermediate results.
 
-    `passed_on` : is given what would be answered now, every `EVERY` seconds at most. The clock is
-    for who waits alone: how much is done is the matter of a `Budget`.
+    Its clock serves the display alone; how much work is done is decided by a `Budget`.
+
+    Parameters
+    ----------
+    tell : Tell
+        Is given a message and the share that is done.
+    receive : callable or None
+        Is given the intermediate result, every `EVERY` seconds at most.
     """
 
     tell: Tell = lambda words, share: None
-    passed_on: "Callable[[Gap], None] | None" = None
-    began: float = field(default_factory=time.monotonic)
-    _done: float = 0.0
-    _upto: float = 0.0
+    receive: "Callable[[Gap], None] | None" = None
+    started: float = field(default_factory=time.monotonic)
+    _stage_begin: float = 0.0
+    _stage_end: float = 0.0
     _share: float = 0.0
     _next: float = field(default_factory=lambda: EVERY)
 
     @property
     def elapsed(self) -> float:
         """Seconds since the beginning."""
-        return time.monotonic() - self.began
+        return time.monotonic() - self.started
 
-    def stage(self, part: float) -> None:
-        """What follows is about this part of what is left to be done."""
-        self._done = max(self._done, self._upto)
-        self._upto = self._done + part * (1.0 - self._done)
+    def begin_stage(self, part: float) -> None:
+        """Begin a stage that is this part of what is left to do."""
+        self._stage_begin = max(self._stage_begin, self._stage_end)
+        self._stage_end = self._stage_begin + part * (1.0 - self._stage_begin)
 
-    def __call__(self, done: int, of: int, words: str) -> None:
-        """A piece of work begins, which words say; so many pieces of the stage are done."""
-        share = max(self._share, self._done + (self._upto - self._done) * done / max(of, 1))
+    def __call__(self, done: int, total: int, words: str) -> None:
+        """Report that the next piece of work begins, after `done` of `total` pieces of a stage."""
+        length = self._stage_end - self._stage_begin
+        share = max(self._share, self._stage_begin + length * done / max(total, 1))
         self._share = share
-        left = f", about {self.elapsed * (1.0 - share) / share:.0f} s left" if share > 0 else ""
+        left = ""
+        if share > 0:
+            left = f", about {self.elapsed * (1.0 - share) / share:.0f} s left"
         self.tell(f"{words}, {self.elapsed:.0f} s{left}", share)
 
-    def so_far(self, answer: "Callable[[], Gap]") -> None:
-        """Pass on what is known, unless that was done just now."""
-        if self.passed_on is not None and self.elapsed >= self._next:
-            begun = self.elapsed
-            self.passed_on(answer())
-            self._next = self.elapsed + max(EVERY, COSTS * (self.elapsed - begun))
+    def report_result(self, build_result: "Callable[[], Gap]") -> None:
+        """Build the intermediate result and pass it on, unless that was done just now."""
+        if self.receive is None or self.elapsed < self._next:
+            return
+        begun = self.elapsed
+        self.receive(build_result())
+        self._next = self.elapsed + max(EVERY, LEAST_RATIO * (self.elapsed - begun))

@@ -210,7 +210,7 @@ def _verify_sampling_noise(
     if decide_verdict(findings) != "named" or not data.is_refuted_by_own_noise(findings.best):
         return findings
     rivals = data.list_rivals(findings.given, findings.best)
-    best = next((one for one in rivals if one.is_adequate() and data.is_stable(one)), None)
+    best = next((rival for rival in rivals if rival.is_adequate() and data.is_stable(rival)), None)
     if best is None:
         data.use_noise_of(fitter)
         return findings
@@ -455,7 +455,7 @@ def _find_in_dataset(
 
 def _fit_given(problem: _GapProblem, data: Dataset) -> Model | None:
     """Fit the given model; None where it has no response."""
-    problem.progress.stage(0.1)
+    problem.progress.begin_stage(0.1)
     problem.progress(0, 1, "the given model refitted")
     return data.fit_given(problem.diagram)
 
@@ -484,7 +484,7 @@ def _rank_first_trials(
     )
     if not isinstance(data, AmplitudeDataset):
         state.so_far = partial(_report_so_far, problem, state)
-    problem.progress.stage(0.4)
+    problem.progress.begin_stage(0.4)
     return _FirstTrials(state, *rank_first_trials(state, given))
 
 
@@ -499,7 +499,7 @@ def _repair_and_validate(first: _FirstTrials) -> Findings:
     data = state.dataset
     noise = data.noise
     fits = [given, *first.trials]
-    state.progress.stage(0.6)
+    state.progress.begin_stage(0.6)
     state.scale = estimate_noise_scale(noise, fits)
     is_explained = any(explains_data(fit, noise, state.scale) for fit in fits)
     explained = None
@@ -584,7 +584,7 @@ def _compute_port_map(
     if repaired is None and state.dataset.budget.is_exhausted():
         state.steps.append("no port map: the effort was spent")
         return ()
-    state.progress.stage(0.5)
+    state.progress.begin_stage(0.5)
     state.progress(0, 1, "the port map")
     return state.dataset.compute_port_map(given, state.steps, repaired)
 
@@ -594,7 +594,7 @@ def _report_so_far(
 ) -> None:
     """Report the answer as it is now; its experiments are not counted."""
 
-    def answer() -> Gap:
+    def build_result() -> Gap:
         findings = Findings(
             noise=state.dataset.noise,
             given=given,
@@ -616,4 +616,4 @@ def _report_so_far(
             complete=False,
         )
 
-    problem.progress.so_far(answer)
+    problem.progress.report_result(build_result)

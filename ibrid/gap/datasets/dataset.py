@@ -1,14 +1,14 @@
-"""Kinds of data in which a gap is sought.
+"""The interface of a kind of measured data in which a gap is searched.
 
-`workflow` and `repair` are the same for all: fit the given model, locate the misfit, fit every
-edit, rank, and go on from the best. A subclass of `Dataset` answers for one kind of data:
+`workflow` and `repair` are the same for all kinds: fit the given model, locate the misfit, fit
+every edit, rank, and go on from the best. A subclass of `Dataset` does the fits for one kind:
 
 - `SweepDataset`: small-signal sweeps. Edits are those of control practice, and other conventions of
   the data.
 - `AmplitudeDataset`: sweeps at several injection amplitudes. Edits are nonlinearities at ports of
   the linear model.
-- `EventDataset`: records of events, alone or beside a sweep. The chi-square is the sum over both;
-  edits are limits beside the program, and those of control practice; there is no port map.
+- `EventDataset`: recordings of events, alone or with a sweep; chi2 is the sum over both. Edits are
+  limits beside the program, and those of control practice; there is no port map.
 """
 
 from abc import ABC, abstractmethod
@@ -23,6 +23,9 @@ from ibrid.measurement.conventions.labels import Convention
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.diagrams.diagram import Diagram
+
+#: Spread of random starts, in standard deviations of the prior.
+SPREAD = 0.7
 
 
 class Dataset(ABC):
@@ -51,115 +54,131 @@ class Dataset(ABC):
     def __init__(self, budget: Budget | None = None) -> None:
         self.budget = budget or Budget()
 
-    # experiments, each counted whether or not something of it is known already
+    # fits; each is an experiment, whether or not its result is cached
 
     def fit_given(self, diagram: Diagram) -> Model | None:
-        """The given model, fitted; None where it has no response."""
+        """Fit the given model; None where it has no response."""
         self.budget.spend()
         return self._fit_given(diagram)
 
     def refit_model(
-        self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7
+        self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = SPREAD
     ) -> Model | None:
-        """A model fitted from starts, as `Refitter.refit` takes them; None where it has no
-        response.
+        """Refit a model; None where it has no response.
+
+        starts, draws, spread : as of `SweepFitter.fit`.
         """
         self.budget.spend()
         return self._refit_model(model, starts, draws=draws, spread=spread)
 
     def refit_from(self, model: Model, starts: Sequence[Values]) -> Model:
-        """A model fitted from further starts; the better of both."""
+        """Refit a model from further starts and return the better fit."""
         self.budget.spend()
         return self._refit_from(model, starts)
 
     def fit_edit(
         self, model: Model, insertion: Insertion, *, quick: Sequence[Values] = ()
     ) -> Model | None:
-        """A model with an edit, fitted; quick : from these values alone."""
+        """Fit a model with an edit; None where it has no response.
+
+        quick : values from which alone it is fitted.
+        """
         self.budget.spend()
         return self._fit_edit(model, insertion, quick=quick)
 
     def screen_edit(
         self, model: Model, insertion: Insertion, *, near: bool = False
     ) -> Model | None:
-        """A model with an edit after a few steps, at most as good as `fit_edit`; near : of a model
-        that fits already.
+        """Fit a model with an edit by a few steps, at most as well as `fit_edit`.
+
+        near : the model explains the data already.
         """
         self.budget.spend()
         return self._screen_edit(model, insertion, near=near)
 
-    # what a kind of data does at each
+    # the same for one kind of data
 
     @abstractmethod
     def _fit_given(self, diagram: Diagram) -> Model | None:
-        """As `fit_given`."""
+        """Do what `fit_given` says."""
 
     @abstractmethod
     def _refit_model(
         self, model: Model, starts: Sequence[Values], *, draws: int, spread: float
     ) -> Model | None:
-        """As `refit_model`."""
+        """Do what `refit_model` says."""
 
     def _refit_from(self, model: Model, starts: Sequence[Values]) -> Model:
-        """As `refit_from`."""
-        other = self._refit_model(model, starts, draws=0, spread=0.7)
+        """Do what `refit_from` says."""
+        other = self._refit_model(model, starts, draws=0, spread=SPREAD)
         return model if other is None or other.refit.cost >= model.refit.cost else other
 
     @abstractmethod
     def _fit_edit(
         self, model: Model, insertion: Insertion, *, quick: Sequence[Values]
     ) -> Model | None:
-        """As `fit_edit`."""
+        """Do what `fit_edit` says."""
 
     @abstractmethod
     def _screen_edit(self, model: Model, insertion: Insertion, *, near: bool) -> Model | None:
-        """As `screen_edit`."""
+        """Do what `screen_edit` says."""
 
-    # the rest
-
-    def fall_back_to_nominal_noise(self) -> Model | None:
-        """The given model where it explains the data by a first estimate of their noise, by which
-        they are weighed again; None where there is no other estimate, or it does not.
-        """
-        return None
-
-    def refit_from_prior(self, model: Model) -> Model:
-        """A repaired model begun once more from what is believed; the better of both."""
-        return model
+    # edits and models
 
     @abstractmethod
     def insertions(self, model: Model) -> Sequence[Insertion]:
-        """All edits of a model."""
+        """List all edits of a model."""
 
     def would_try_edit(self, model: Model, edit: Insertion | Convention) -> bool:
         """Whether an edit is among those that are tried on a model."""
         return True
 
     def accepts_edit(self, before: Model, after: Model) -> bool:
-        """Whether an edit that is significant is worth a name."""
+        """Whether a significant edit is accepted."""
         return True
-
-    def fit_other_conventions(self, model: Model, enough: float) -> Iterator[Model]:
-        """A model on the data as they read in other conventions, fitted; enough : cost that
-        something else reaches. Each look and each fit is an experiment.
-        """
-        return iter(())
 
     @abstractmethod
     def is_stable(self, model: Model) -> bool:
-        """True for a model that a device may be."""
+        """Whether a device can be like the model."""
+
+    def refit_from_prior(self, model: Model) -> Model:
+        """Refit a repaired model from the nominal values, and return the better fit."""
+        return model
+
+    def fall_back_to_nominal_noise(self) -> Model | None:
+        """Return the given model where it explains the data by a first estimate of their noise.
+
+        The data are weighted by that again. None where there is no other estimate, or it does not.
+        """
+        return None
+
+    def fit_other_conventions(self, model: Model, enough: float) -> Iterator[Model]:
+        """Fit a model to the data as they read in other conventions.
+
+        Each screening fit and each fit is an experiment.
+
+        enough : cost that another trial reaches.
+        """
+        return iter(())
 
     def compute_port_map(
         self, given: Model, steps: list[str], repaired: Model | None = None
     ) -> tuple[PortFit, ...]:
-        """Where one unknown transfer would explain what is left; () and perhaps a step that says
-        why not.
+        """Compute the port map of the given model; () where there is none.
 
-        repaired : a model that explains all: a look from its values is enough. Each place is an
-        experiment.
+        Each port is an experiment.
+
+        Parameters
+        ----------
+        steps : list of str
+            Is given a reason where the port map is missing.
+        repaired : Model or None
+            A model that explains the data, from whose values a few steps are enough.
         """
         return ()
 
     def cross_validate(self, model: Model) -> ValidationErrors | None:
-        """Its errors where it was not fitted; None where the data do not tell."""
+        """Refit a model on parts of the data and return its error on the rest; None where that is
+        not possible.
+        """
         return None

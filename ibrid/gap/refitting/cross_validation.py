@@ -1,5 +1,6 @@
-"""Does an edit predict what it was not fitted to? Frequencies, operating points or records left
-out, before and after.
+"""Cross-validation: whether an edit predicts data that it was not fitted to.
+
+Frequencies, operating points or records are left out, before and after the edit.
 """
 
 from dataclasses import dataclass, replace
@@ -12,11 +13,19 @@ from ibrid.gap.refitting.sweep_fitter import SweepFitter
 from ibrid.measurement.sweeps.amplitudes import can_be_thinned, thinned
 from ibrid.measurement.sweeps.sweep import Sweep
 
+#: Factor on a validation error by which a repair may be worse than the given model: noise alone
+#: does as much.
+LARGEST_RATIO = 1.2
+#: Operating points from which on those left out decide: with fewer, what one alone determines is
+#: not predicted.
+LEAST_POINTS = 3
+
 
 @dataclass(frozen=True)
 class ValidationErrors:
-    """Root mean square of the whitened residual at data that a refit did not see, 1 when only noise
-    is left.
+    """Root mean square of the whitened residual on data that a refit did not use.
+
+    1 where only noise is left; None where that part was not tested.
     """
 
     frequencies: float | None
@@ -24,58 +33,59 @@ class ValidationErrors:
     records: float | None = None
 
 
-#: Factor of a held-out error by which a repair may be worse than what it repairs: noise alone does
-#: as much.
-WORSE = 1.2
-#: Operating points from which on those left out decide; what one alone leaves open, its prediction
-#: does not show.
-ENOUGH = 3
-
-
 def predicts_no_worse(before: ValidationErrors, after: ValidationErrors, points: int) -> bool:
-    """True when a repair is not worse at data that it was not fitted to.
+    """Whether a repair is not worse on data that it was not fitted to.
 
     points : measured operating points.
     """
     pairs = [(before.frequencies, after.frequencies), (before.records, after.records)]
-    if points >= ENOUGH:
+    if points >= LEAST_POINTS:
         pairs.append((before.points, after.points))
-    return all(old is None or (new is not None and new <= WORSE * old) for old, new in pairs)
+    return all(
+        old is None or (new is not None and new <= LARGEST_RATIO * old) for old, new in pairs
+    )
 
 
-def cross_validate(refitter: SweepFitter, noise: Noise, model: Model) -> ValidationErrors:
-    """Errors of a model where it was not fitted: at every fourth frequency, and at each operating
-    point in turn.
+def cross_validate(fitter: SweepFitter, noise: Noise, model: Model) -> ValidationErrors:
+    """Refit a model on parts of a sweep and return its error on the parts left out.
 
-    refitter : to the data as the model reads them. noise : of these.
+    Every fourth frequency, and each operating point in turn.
+
+    Parameters
+    ----------
+    fitter : SweepFitter
+        To the data as the model reads them.
+    noise : Noise
+        Of these.
     """
-    sweep, thin = refitter.sweep, None
+    sweep = fitter.sweep
+    frequency_error = None
     if can_be_thinned(sweep):
-        thin = _validation_error(
-            refitter, noise, model, thinned(sweep, hold=False), thinned(sweep, hold=True)
+        training = thinned(sweep, hold=False)
+        frequency_error = _validation_error(
+            fitter, noise, model, training, thinned(sweep, hold=True)
         )
-    squares = []
+    squares: list[float] = []
     for name in sweep.names if len(sweep.names) > 1 else ():
-        found = _validation_error(refitter, noise, model, sweep.without([name]), sweep.only([name]))
-        squares.append(np.nan if found is None else found**2)
-    points = float(np.sqrt(np.mean(squares))) if squares and np.isfinite(squares).all() else None
-    return ValidationErrors(thin, points)
+        training = sweep.without([name])
+        error = _validation_error(fitter, noise, model, training, sweep.only([name]))
+        squares.append(np.nan if error is None else error**2)
+    point_error = None
+    if squares and np.isfinite(squares).all():
+        point_error = float(np.sqrt(np.mean(squares)))
+    return ValidationErrors(frequency_error, point_error)
 
 
 def _validation_error(
-    refitter: SweepFitter, noise: Noise, model: Model, seen: Sweep, left: Sweep
+    fitter: SweepFitter, noise: Noise, model: Model, training: Sweep, validation: Sweep
 ) -> float | None:
-    refit = refitter.with_noise(replace(noise, sweep=seen)).fit(
-        model.diagram, [model.refit.values, {}]
-    )
+    """Refit on one part and return the rms whitened residual on the other; None without one."""
+    training_fitter = fitter.with_noise(replace(noise, sweep=training))
+    refit = training_fitter.fit(model.diagram, [model.refit.values, {}])
     if refit is None:
         return None
-    residuals = (
-        refitter.with_noise(replace(noise, sweep=left))
-        .evaluate_values(model.diagram, refit.values)
-        .residuals
-    )
-    found = float(
-        np.sqrt(np.mean(np.concatenate([np.abs(one.ravel()) ** 2 / 2.0 for one in residuals])))
-    )
-    return found if np.isfinite(found) else None
+    validation_fitter = fitter.with_noise(replace(noise, sweep=validation))
+    residuals = validation_fitter.evaluate_values(model.diagram, refit.values).residuals
+    squares = [np.abs(residual.ravel()) ** 2 / 2.0 for residual in residuals]
+    error = float(np.sqrt(np.mean(np.concatenate(squares))))
+    return error if np.isfinite(error) else None

@@ -1,6 +1,4 @@
-"""What noise the data are judged by: the measured one, or, where nobody knows it, the least that
-any model deserves.
-"""
+"""The noise by which a sweep is weighted: the measured one, or an assumed one."""
 
 from dataclasses import dataclass, replace
 
@@ -24,12 +22,21 @@ _WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class Noise:
-    """`sweep` : the data with a sigma at every point. `known` : False when it is believed only
-    because nothing fits better.
-    `source` : where it comes from, in words. `level` : of a noise that is not known, the rms of its
-    matrix over |Y|_F.
-    `measured` : the known noise, where every model leaves more than that and the data are weighed
-    by what they leave.
+    """The noise of a sweep.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        The data, with a sigma at every point.
+    known : bool
+        False where it is assumed, or estimated from the residual of models.
+    source : str
+        Where it comes from, in words.
+    level : float
+        Of an unknown noise, the rms of its matrix over |Y|_F.
+    measured : Noise or None
+        The known noise, where every model leaves more than that and the data are weighted by the
+        residual of models.
     """
 
     sweep: Sweep
@@ -45,16 +52,16 @@ class Noise:
         return noise_floor(noise.sweep.points) if noise.known else None
 
     def with_model_error(self, level: float) -> "Noise":
-        """What the data are weighed by where every model leaves this part of |Y|, and so misses
-        more than noise: as it is alike at all frequencies, where those of little noise would else
-        rule the fit.
+        """Return the noise where every model leaves this part of |Y|, and so more than noise.
+
+        The weights are equal at all frequencies; those of little noise would dominate the fit.
         """
         return replace(self, known=False, level=level, measured=self).scaled(1.0)
 
     def scaled(self, factor: float) -> "Noise":
-        """A noise that is not known at another level, `LEAST_UNKNOWN` at least."""
+        """Return an unknown noise at another level, `LEAST_UNKNOWN` at least."""
         level = max(factor * self.level, LEAST_UNKNOWN)
-        points = tuple(replace(one, sigma=of_norm(one, level)) for one in self.sweep.points)
+        points = tuple(replace(point, sigma=of_norm(point, level)) for point in self.sweep.points)
         words = f"unknown, taken as the {level:.2g} of |Y| that is left over"
         if self.measured is not None:
             words = (
@@ -66,13 +73,16 @@ class Noise:
 
 
 def estimate_noise(sweep: Sweep, level: float = LEAST_UNKNOWN) -> Noise:
-    """Sigma as given; else from repeats; else, from 15 points a decade, from smoothness; else from
-    vector fits; else `level` of |Y|_F.
+    """Estimate the noise of a sweep.
 
-    To a known sigma a floor of `MODEL_FLOOR` |Y|_F is added, for linearisation and rounding.
+    Sigma as given; else from repeats; else, with 15 points a decade or more, from smoothness; else
+    from vector fits; else `level` of |Y|_F. To a known sigma a floor of `MODEL_FLOOR` |Y|_F is
+    added, for linearisation and rounding.
     """
     estimates = [estimate_point(point) for point in sweep.points]
-    source = "unknown" if any(one.sigma is None for one in estimates) else estimates[0].source
+    source = estimates[0].source
+    if any(estimate.sigma is None for estimate in estimates):
+        source = "unknown"
     points = []
     for point, estimate in zip(sweep.points, estimates, strict=True):
         if source == "unknown":

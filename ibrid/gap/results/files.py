@@ -1,6 +1,4 @@
-"""The files of an answer: gap.json, the repaired model as a program, what changed in it, and its
-record.
-"""
+"""The files of a `Gap`: gap.json, the repaired program, its diff, and its record."""
 
 from pathlib import Path
 from typing import Any
@@ -19,30 +17,30 @@ FILES = (PAGE, PROGRAM, DIFF, RECORD, GAP)
 
 
 def gap_json(gap: Gap) -> dict[str, Any]:
-    """Plain data in the contract's order; numbers that are not finite become null."""
+    """Return the contents of gap.json; numbers that are not finite become null."""
     return plain(
         {
             "schema": SCHEMA,
             "verdict": gap.verdict,
             "sentence": gap.sentence,
-            "located": [vars(one) for one in gap.located],
+            "located": [vars(part) for part in gap.located],
             "ports": [
-                {"port": one.port.name, "chi2_per_dof": one.chi2_per_dof, "adequate": one.adequate}
-                for one in gap.ports
+                {"port": fit.port.name, "chi2_per_dof": fit.chi2_per_dof, "adequate": fit.adequate}
+                for fit in gap.ports
             ],
-            "effects": [vars(one) for one in gap.effects],
+            "effects": [vars(effect) for effect in gap.effects],
             "before": gap.before,
             "after": gap.after,
             "noise_floor": gap.noise_floor,
             **({"noise_floor_by_record": dict(gap.events.floors)} if gap.events else {}),
             "noise": gap.noise,
-            "moved": [vars(one) for one in gap.moved],
-            "could_not_have_seen": [vars(one) for one in gap.could_not_have_seen],
-            "candidates": [vars(one) for one in gap.candidates],
+            "moved": [vars(change) for change in gap.moved],
+            "could_not_have_seen": [vars(effect) for effect in gap.could_not_have_seen],
+            "candidates": [vars(candidate) for candidate in gap.candidates],
             "null_space": gap.null_space,
             "frame_angle": gap.angle,
             "missing_transfer": _missing_transfer(gap),
-            "suggested": [vars(one) for one in gap.suggested],
+            "suggested": [vars(edit) for edit in gap.suggested],
             **_amplitudes(gap),
             "steps": gap.steps,
             "effort": gap.effort,
@@ -55,14 +53,19 @@ def gap_json(gap: Gap) -> dict[str, Any]:
 
 @writing_as("gap")
 def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") -> None:
-    """gap.json, model.py, model.json and, after a repair, model.diff in a folder that is there,
-    each replaced atomically.
+    """Write gap.json, model.py, model.json and, after a repair, model.diff, each atomically.
 
-    given : name of the given program in the diff, which begins from its canonical text. Without a
-    repair an older diff is taken away.
+    Without a repair an older model.diff is removed.
+
+    Parameters
+    ----------
+    folder : str or Path
+        Exists.
+    given : str
+        Name of the given program in the diff, which begins from its canonical text.
     """
     folder = Path(folder)
-    answer = json_lines(gap_json(gap))
+    gap_text = json_lines(gap_json(gap))
     changed = unified(gap.given, gap.program, (given, str(folder / PROGRAM)))
     write_whole(inside(folder, PROGRAM), gap.program)
     if changed:
@@ -70,20 +73,19 @@ def write_gap(gap: Gap, folder: str | Path, given: str = "the given program") ->
     else:
         remove_own(inside(folder, DIFF))
     gap.repaired.write(inside(folder, RECORD))
-    write_whole(inside(folder, GAP), answer)
+    write_whole(inside(folder, GAP), gap_text)
 
 
 def write_partial(gap: Gap, folder: str | Path) -> None:
-    """gap.json of an answer on the way, in a folder that is made where it is not there; replaced
-    atomically.
-    """
+    """Write gap.json of an intermediate result atomically; the folder is made where missing."""
     Path(folder).mkdir(parents=True, exist_ok=True)
     write_json(inside(Path(folder), GAP), gap_json(gap))
 
 
 def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
-    """The transfer at the place where something is missing: one complex number per frequency, for
-    all operating points.
+    """Return the transfer function at the port where something is missing, by frequency.
+
+    One for all operating points; [] where there is none.
     """
     transfer = gap.missing_transfer
     if transfer is None:
@@ -100,15 +102,13 @@ def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
 
 
 def _amplitudes(gap: Gap) -> dict[str, Any]:
-    """What data with several injection amplitudes say beside; nothing where there is one
-    amplitude.
-    """
+    """Return the keys for several injection amplitudes; {} with one amplitude."""
     if gap.amplitude is None:
         return {}
     linearity = gap.amplitude.linearity
     return {
         "amplitudes": linearity.amplitudes,
-        "amplitude_dependent": [vars(one) for one in linearity.bands],
+        "amplitude_dependent": [vars(band) for band in linearity.bands],
         "refused_hz": linearity.refused.tolist(),
-        "nonlinear_candidates": [vars(one) for one in gap.amplitude.tried],
+        "nonlinear_candidates": [vars(trial) for trial in gap.amplitude.tried],
     }

@@ -1,6 +1,4 @@
-"""What the gap workflow answers: verdict, what is missing and where, how sure, before and after;
-and its JSON.
-"""
+"""The result of the gap workflow: verdict, what is missing and where, with evidence."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -37,10 +35,20 @@ Verdict = Literal[
 
 @dataclass(frozen=True)
 class LocatedMisfit:
-    """A part of the data that the refitted model misses. `op` : operating point. `band` : Hz.
-    `entry` : dd, dq, qd or qq.
-    `share` : of the whole squared misfit. `z` : how significant, in standard deviations of a normal
-    distribution.
+    """A part of a sweep that the refitted model misses.
+
+    Parameters
+    ----------
+    op : str
+        Operating point.
+    band : tuple of float
+        Hz.
+    entry : str
+        dd, dq, qd or qq.
+    share : float
+        Part of the squared misfit.
+    z : float
+        Significance, in standard deviations of a normal distribution.
     """
 
     op: str
@@ -51,7 +59,7 @@ class LocatedMisfit:
 
     @property
     def place(self) -> tuple[str, str, str]:
-        """In words."""
+        """Operating point, band and entry in words."""
         return self.op, span(*self.band), self.entry
 
 
@@ -59,7 +67,14 @@ class LocatedMisfit:
 class LocatedEventMisfit:
     """A part of a record that the refitted model misses.
 
-    `window` : s. `component` : d or q. `share`, `z` : as of `LocatedMisfit`.
+    Parameters
+    ----------
+    window : tuple of float
+        s.
+    component : str
+        d or q.
+    share, z : float
+        As of `LocatedMisfit`.
     """
 
     record: str
@@ -70,16 +85,22 @@ class LocatedEventMisfit:
 
     @property
     def place(self) -> tuple[str, str, str]:
-        """In words."""
+        """Record, window and component in words."""
         return self.record, "{:.4g} s to {:.4g} s".format(*self.window), f"i_{self.component}"
 
 
 @dataclass(frozen=True, eq=False)
 class EventComparison(Frozen):
-    """Records played by the refitted model, `before`, and by the repaired one, `after`. `swept` :
-    there is a sweep, too.
-    `floors` : of every record, those held out too, the NRMSE that noise and what sampling leaves
-    open would leave.
+    """The recordings beside the simulated response before and after the repair.
+
+    Parameters
+    ----------
+    before, after : Playback
+        Of the refitted model and of the repaired one.
+    swept : bool
+        Whether there is a sweep, too.
+    floors : mapping
+        NRMSE that noise and sampling alone would leave, of every record, those held out included.
     """
 
     before: "Playback"
@@ -92,9 +113,16 @@ class EventComparison(Frozen):
 class NamedEffect(Frozen):
     """An effect and the edit that it asks for.
 
-    `parameters` : name -> (estimate, low, high), 95 %. `evidence` : gain in chi2, threshold, p
-    values, BIC difference to the runner-up, held-out errors. `indistinguishable_from` : ids of
-    effects that these data cannot tell from it.
+    Parameters
+    ----------
+    id, change, where : str
+        Effect of the catalogue, "add", "remove" or "replace", and the location in the program.
+    parameters : mapping
+        Name -> (estimate, low, high), with the 95 % confidence interval.
+    evidence : mapping
+        Gain in chi2, threshold, p values, BIC difference to the runner-up, validation errors.
+    indistinguishable_from : tuple of str
+        Ids of effects that these data cannot distinguish from it.
     """
 
     id: str
@@ -107,10 +135,24 @@ class NamedEffect(Frozen):
 
 @dataclass(frozen=True)
 class Candidate(Frozen):
-    """An edit that was fitted. `cost` : chi2 and prior. `gain` : cost of the baseline less its own.
-    `bic` : cost with the price of its free numbers. `adequate` : fits as well as the noise allows.
-    `stable` : None when nobody had to know.
-    `reason` : why it is out, "" when it is not.
+    """An edit that was fitted.
+
+    Parameters
+    ----------
+    cost, gain : float
+        chi2 plus prior penalty, and its decrease from the baseline.
+    bic : float
+        Bayesian information criterion.
+    free_parameters : int
+        Of the model with the edit.
+    adequate : bool
+        Whether that fits as well as the noise allows.
+    stable : bool or None
+        None where it was not determined.
+    reason : str
+        Why it is rejected, "" where it is not.
+    parameters : mapping
+        Values of the parameters that the edit adds.
     """
 
     id: str
@@ -128,8 +170,14 @@ class Candidate(Frozen):
 
 @dataclass(frozen=True)
 class ParameterChange:
-    """A parameter's nominal and refitted value; `deviations` : how far it moved, in its tolerance;
-    `low`, `high` : 95 %.
+    """The nominal and the refitted value of a parameter.
+
+    Parameters
+    ----------
+    low, high : float or None
+        95 % confidence interval of the refitted value.
+    sigmas : float
+        Change in standard deviations of its tolerance.
     """
 
     name: str
@@ -142,10 +190,14 @@ class ParameterChange:
 
 @dataclass(frozen=True)
 class UndetectableEffect:
-    """An effect that this experiment could not have seen.
+    """An effect that this experiment would not have shown.
 
-    `detectability` : noncentrality (chi2) that its typical strength would have had. `sweep` : which
-    measurement would show it.
+    Parameters
+    ----------
+    detectability : float
+        Noncentrality (chi2) that its typical strength would have had.
+    sweep : str
+        Which measurement would show it.
     """
 
     id: str
@@ -157,12 +209,22 @@ class UndetectableEffect:
 
 @dataclass(frozen=True)
 class SuggestedEdit(Frozen):
-    """An edit without a name in the catalogue, put to the tests of an effect.
+    """An edit without a name in the catalogue, put to the tests of a named effect.
 
-    `words` : what it is. `source` : whose idea. `program` : the model with it. `chi2_per_dof` : of
-    that, refitted; `before` : of the given model. `parameters` : those it adds. `held_out` : root
-    mean square of the whitened error at held-out frequencies and operating points, before and
-    after. `reason` : the test it fails, "" when it passes all.
+    Parameters
+    ----------
+    words, source : str
+        The edit in words, and who or what suggested it.
+    program : str
+        Text of the model with it.
+    chi2_per_dof, before : float
+        chi2 per degree of freedom of that model, refitted, and of the given one.
+    parameters : mapping
+        Values of the parameters that it adds.
+    held_out : mapping
+        Validation errors before and after, whitened rms; empty where a test fails.
+    reason : str
+        The test that it fails, "" where it passes all.
     """
 
     words: str
@@ -177,9 +239,14 @@ class SuggestedEdit(Frozen):
 
 @dataclass(frozen=True)
 class NonlinearityTrial:
-    """A nonlinearity that was fitted.
+    """A nonlinearity that was fitted to all injection amplitudes.
 
-    `gain` : fall of the cost below the linear model's. `significance_threshold` : as fitted.
+    Parameters
+    ----------
+    gain : float
+        Decrease of the cost from that of the linear model.
+    threshold : float
+        Fitted, per unit.
     """
 
     id: str
@@ -193,12 +260,22 @@ class NonlinearityTrial:
 
 @dataclass(frozen=True, eq=False)
 class AmplitudeResult:
-    """`linearity` : the gate.
+    """How the response depends on the injection amplitude, and what explains that.
 
-    `kept` : number of frequencies that the small-signal answer rests on. `words` : of the
-    nonlinearity, "" where none is believed. `tried` : every place, the best first. `before`,
-    `after`, `floor` : NRMSE over all amplitudes of the linear model, of that with the nonlinearity,
-    and of noise alone. `port_gain` : of the place.
+    Parameters
+    ----------
+    linearity : Linearity
+        The test of linearity.
+    kept : int
+        Frequencies on which the small-signal result rests.
+    words, parameter : str
+        Of the accepted nonlinearity and its threshold; "" where none is accepted.
+    tried : tuple of NonlinearityTrial
+        Every nonlinearity at every port, the best first.
+    before, after, floor : float or None
+        NRMSE over all amplitudes: of the linear model, with the nonlinearity, and of noise alone.
+    port_gain : PortGain or None
+        Measured gain of the port of the nonlinearity.
     """
 
     linearity: Linearity
@@ -215,30 +292,57 @@ class AmplitudeResult:
 @methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Gap(Frozen):
-    """Answer of `find_gap`.
+    """Result of `find_gap`.
 
-    `sentence` : the verdict in plain words. `located` : where the refitted baseline misses the
-    data, worst first.
-    `ports` : the port map, best first. `effects` : what is missing. `before`, `after` : NRMSE of
-    the nominal model, the refit, and at held-out operating points; `noise_floor` : what noise alone
-    would leave; None where unknown.
-    `moved` : parameters with nominal values, furthest first. `candidates` : every edit tried, best
-    first.
-    `steps` : what was decided, in order, in words. `noise` : where the noise comes from.
-    `noise_level` : what one that is not known was taken for, relative to |Y|. `program` : text
-    after the repair. `baseline`, `repaired` : records of the refitted model before and after (the
-    same when nothing was changed); they hold the parameters, responses and intervals. `sweep`,
-    `held_out` : the measured data, fitted and not. `nominal` : responses of the model as it was
-    given, by operating point. `null_space` : what the data cannot tell, in sentences.
-    `angle` : of the measuring frame, rad. `convention` : in which the repaired model reads the
-    data.
-    `suggested` : where something is located and unnamed, edits that may explain it, what passes all
-    tests first.
-    `amplitude` : of data with several injection amplitudes, how the response depends on them; None
-    for one amplitude.
-    `events` : of records in time, how they are answered before and after.
-    `effort`, `experiments` : how much was allowed, and the looks at edits and refits that were
-    made. `complete` : False for an answer on the way, or when the effort was spent.
+    Parameters
+    ----------
+    verdict, sentence : str
+        The verdict, and its report in words.
+    located : tuple of LocatedMisfit or LocatedEventMisfit
+        Where the refitted given model misses the data, worst first.
+    ports : tuple of PortFit
+        The port map: where one unknown transfer function would explain the misfit, best first.
+    effects : tuple of NamedEffect
+        What is missing.
+    before, after : mapping
+        NRMSE "nominal", "refit" and "holdout" (operating points held out) of the given and of the
+        repaired model; None where unknown.
+    noise_floor : float or None
+        NRMSE that noise alone would leave; None where unknown.
+    moved : tuple of ParameterChange
+        Parameters with nominal values, furthest first.
+    could_not_have_seen : tuple of UndetectableEffect
+        Effects that this experiment would not have shown.
+    candidates : tuple of Candidate
+        Every edit that was tried, best first.
+    steps : tuple of str
+        What was decided, in order.
+    noise, noise_level : str and float
+        Where the noise comes from, and the level that an unknown one was taken to have, relative
+        to |Y|.
+    null_space : tuple of str
+        What the data do not determine, in sentences.
+    given, program : str
+        Text of the given and of the repaired program.
+    baseline, repaired : Record
+        Of the refitted given model and of the repaired one (the same where nothing was changed),
+        with parameters, responses and intervals.
+    sweep, held_out : Sweep and tuple of str
+        The measured data, and the names of what was not fitted.
+    nominal : mapping
+        Responses (K, 2, 2) of the model as given, by operating point.
+    angle, convention : float and Convention
+        Angle of the measuring frame in rad, and the convention in which the repaired model reads
+        the data.
+    suggested : tuple of SuggestedEdit
+        Where something is located and has no name, edits that may explain it, the best first.
+    amplitude : AmplitudeResult or None
+        Of data with several injection amplitudes.
+    events : EventComparison or None
+        Of recordings.
+    effort, experiments, complete : str, int and bool
+        The allowed effort, the fits and screening fits that were made, and False for an
+        intermediate result or an exhausted effort.
     """
 
     verdict: Verdict
@@ -279,8 +383,9 @@ class Gap(Frozen):
 
     @cached_property
     def missing_transfer(self) -> "MissingTransfer | None":
-        """What the measurement says must act at the named or located place, frequency by frequency;
-        None where none is.
+        """The transfer function that the measurement shows at the named or located port.
+
+        None where there is none.
         """
         from ibrid.gap.ports.missing_transfer import missing_transfer
 
@@ -290,8 +395,9 @@ class Gap(Frozen):
         return brief(f"<Gap: {self.verdict}, {self.sentence}", ">")
 
     def plot(self, op: str | None = None, ax: Any = None, entry: str = "dd") -> Any:
-        """A matplotlib figure for notebooks: before and after at an operating point, port map,
-        measured transfer; with ax=(magnitude, phase) before and after of one entry, on those.
+        """Plot before and after at an operating point, port map and measured transfer function.
+
+        With ax=(magnitude, phase), plot before and after of one entry on those axes.
         """
         return shown(self, "plotting", "gap_figure", op, ax, entry)
 
@@ -300,11 +406,11 @@ class Gap(Frozen):
         write_json(Path(path), made_above(self, "ibrid.gap.results.files", "gap_json"))
 
     def to_dataframe(self) -> Any:
-        """A pandas DataFrame of the effects that were tried, as they are ranked."""
+        """Return a pandas DataFrame of the candidates, as they are ranked."""
         names = ("id", "change", "where", "gain", "bic", "free_parameters", "adequate", "reason")
-        rows = [{name: getattr(one, name) for name in names} for one in self.candidates]
+        rows = [{name: getattr(candidate, name) for name in names} for candidate in self.candidates]
         return made_above(rows, "ibrid.measurement.dataframe", "table_frame")
 
     def _repr_html_(self) -> str:
-        """Verdict, what is missing, before and after, for notebooks."""
+        """Return the HTML of verdict, effects, before and after, for notebooks."""
         return shown(self, "pages.gap_page", "gap_html")
