@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated, measured
+from ibrid.gap.results.gap import LocatedMisfit
 from made_gap import device, made
 from page_reader import Reader
 
 import ibrid
 from ibrid.analysis.models.loop_modes import loops_told
 from ibrid.evaluation.record import Record
-from ibrid.gap.answers.result import Located
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.report.facts.left_over import left_by_gap, left_by_record
 from ibrid.report.pages.gap_page import gap_page
@@ -106,7 +106,7 @@ def test_a_gap_without_a_name_says_places_ports_and_measurements(verdict: str):
     gap = made(verdict)
     left = left_by_gap(gap)
     assert left is not None
-    located = [one for one in gap.located if isinstance(one, Located)]
+    located = [one for one in gap.located if isinstance(one, LocatedMisfit)]
     assert [(one.op, one.entry, one.share, one.z) for one in left.places] == [
         (one.op, one.entry, one.share, one.z) for one in located
     ]

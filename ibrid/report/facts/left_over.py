@@ -9,8 +9,8 @@ from math import sqrt
 from ibrid.analysis.models.loop_modes import LoopMode, loops_told
 from ibrid.evaluation.grade import Grade
 from ibrid.evaluation.record import Record
-from ibrid.gap.answers.result import Gap, Located
 from ibrid.gap.ports.port_map import PortFit
+from ibrid.gap.results.gap import Gap, LocatedMisfit
 from ibrid.measurement.sweeps.quantities import hertz, span
 from ibrid.report.facts.verdict import graded
 from ibrid.report.look.numbers import error, number, percent
@@ -97,7 +97,7 @@ def left_by_gap(gap: Gap) -> LeftOver | None:
     """What a gap leaves without a name; None where the model, repaired or not, explains the data,
     and for records of events alone.
     """
-    located = [place for place in gap.located if isinstance(place, Located)]
+    located = [place for place in gap.located if isinstance(place, LocatedMisfit)]
     if gap.verdict not in ("located-unnamed", "unexplained") or not located:
         return None
     places = tuple(
