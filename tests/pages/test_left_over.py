@@ -7,13 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from fitted import benchmark, evaluated, measured
-from ibrid.gap.results.gap import LocatedMisfit
 from made_gap import device, made
 from page_reader import Reader
 
 import ibrid
 from ibrid.analysis.models.loop_modes import loops_told
 from ibrid.evaluation.record import Record
+from ibrid.gap.results.gap import LocatedMisfit
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.report.facts.left_over import left_by_gap, left_by_record
 from ibrid.report.pages.gap_page import gap_page
