@@ -32,7 +32,12 @@ from ibrid.measurement.importing.column_words import (
     without_unit,
 )
 from ibrid.measurement.importing.doubts.fill_values import mind_fill_values
-from ibrid.measurement.importing.doubts.polar_units import ask_decibels, ask_radians
+from ibrid.measurement.importing.doubts.polar_units import (
+    Seen,
+    ask_decibels,
+    ask_radians,
+    decibels_seen,
+)
 from ibrid.measurement.importing.doubts.units_at_rest import (
     LARGEST_PU,
     ask_units_of_powers,
@@ -157,12 +162,11 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     values = [
         complex_numbers(table, sources[name], account, unsaid_decibel=decibel) for name in entries
     ]
-    unit, factor = _unit(table, [sources[name] for name in entries], quantity, told, account)
+    of_entries = [sources[name] for name in entries]
     matrix = np.stack([value for value, _ in values], axis=-1)
-    ask_radians(table, [sources[name] for name in entries], account)
-    if not decibel:
-        of_entries = [sources[name] for name in entries]
-        ask_decibels(table, of_entries, frequency, matrix, quantity.letter, account)
+    ask_radians(table, of_entries, quantity.letter, account)
+    seen = "no" if decibel else decibels_seen(of_entries, frequency, matrix, quantity.letter, frame)
+    unit, factor = _unit(table, of_entries, quantity, told, account, seen)
     matrix = matrix * factor
     if not told.get("quantity"):
         ask_which_matrix(table, sources, frame, matrix, account)
@@ -517,8 +521,9 @@ def _unit(
     quantity: Quantity,
     told: Mapping[str, Any],
     account: Account,
+    decibels: Seen,
 ) -> tuple[str, float]:
-    """pu, S or ohm, and the factor that leads there."""
+    """pu, S or ohm, and the factor that leads there. decibels : whether the numbers show them."""
     plain = {"Y": "S", "Z": "ohm"}[quantity.letter]
     said = str(told.get("unit") or "")
     written = {unit_written(source) for source in sources if source.columns}
@@ -559,12 +564,16 @@ def _unit(
         factor = factor if dimension == stated[0] else stated[1]
         dimension = stated[0]
     if not dimension:
+        in_decibels = [f"--unit dB{plain} --base S_VA,V_LL"] if decibels != "no" else []
         account.ask(
             "the unit of its matrices",
             "--unit pu",
             f"--unit {plain} --base S_VA,V_LL (such as 10kVA,400V)",
+            *in_decibels,
         )
         return "pu", 1.0
+    if decibels == "likely":
+        ask_decibels(sources, quantity.letter, account)
     if dimension != "per unit":
         bases_of(told, account)
     return {"per unit": "pu", "admittance": "S", "impedance": "ohm"}[dimension], factor
