@@ -36,6 +36,11 @@ from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
 from ibrid.measurement.importing.timed.recording_comments import RecordingComments, read_comments
 from ibrid.measurement.importing.timed.recording_files import PSOUT, recording_tables
 from ibrid.measurement.importing.timed.recording_table import recording_of
+from ibrid.measurement.importing.timed.sampled_times import (
+    is_sampled_block,
+    sampling_told,
+    with_sampled_times,
+)
 from ibrid.measurement.importing.told import base_of
 from ibrid.measurement.importing.unsaid import UnsaidError
 from ibrid.measurement.recordings.channels import (
@@ -138,9 +143,12 @@ def is_events_file(path: Path) -> bool:
         if suffix in WORKBOOKS:
             return any(_has_channels(list(table.columns)) for table in recording_tables(path))
         lines = head_lines(path) if suffix in TEXTS else []
+        if is_sampled_block(lines):
+            return True
+        is_sampled = sampling_told(lines) is not None
         rows = [line.lstrip("#% ") for line in lines if any(letter.isalpha() for letter in line)]
         return is_event_csv([head_of(lines)]) or any(
-            _has_channels(cells)
+            _has_channels(cells, timed=is_sampled)
             for row in rows
             for mark in (";", "\t", ",", "|", None)
             if len(cells := _parted(row, mark)) > 3 and not _are_mostly_numbers(cells)
@@ -166,17 +174,20 @@ def _are_mostly_numbers(cells: Sequence[str]) -> bool:
     return 2 * numbers > len(cells)
 
 
-def _has_channels(names: Sequence[str]) -> bool:
-    """Whether columns are called time, voltages and currents."""
+def _has_channels(names: Sequence[str], *, timed: bool = False) -> bool:
+    """Whether columns are called time, voltages and currents.
+
+    timed : whether something else tells the times.
+    """
     names = with_currents_in_volts(names)
     try:
         family = family_of(names, {}, "")
     except SweepError:  # several columns can be one
         return any(signal.quantity == "t" for signal in signals_of(names))
     if family is not None:
-        return "t" in family.columns
+        return timed or "t" in family.columns
     roles = {signal.role for signal in signals_of(names)}
-    return "t" in roles and complete_a_recording(roles)
+    return (timed or "t" in roles) and complete_a_recording(roles)
 
 
 def _configuration_of(path: Path) -> Path:
@@ -227,6 +238,7 @@ def _of_tables(
         header["window"] = window
     supposed = "si" if "base" in told and not stated else ""
     said = channels_told(channels)
+    tables = [with_sampled_times(table, said) for table in tables]
     tables = [with_derived_columns(table, said) for table in tables]
     recordings = [
         recording_of(

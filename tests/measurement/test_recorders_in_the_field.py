@@ -2,6 +2,7 @@
 phasor measurement units, times that only a sampling rate tells.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ from recording_makes import (
 import ibrid
 from ibrid import cli
 from ibrid.measurement.importing.timed.probes import volts_per_ampere
+from ibrid.measurement.importing.timed.sampled_times import sampling_told
 from ibrid.measurement.importing.timed.signal_names import signal_of
 from ibrid.measurement.recordings.events import EventRecord
 
@@ -189,3 +191,113 @@ def test_a_table_of_unknown_columns_says_what_may_be_told_of_them(tmp_path):
     (path,) = written(tmp_path, "xyz.csv", text(list(columns), list(columns.values())))
     with pytest.raises(ibrid.IbridError, match=r"or vab=,vbc=,ia=,ic= of three wires .*v_mag="):
         ibrid.read_events(path, **BASES)
+
+
+def clock_cells(form: str) -> list[str]:
+    """The times of a clock that passes noon, with the mark between seconds and their parts."""
+    begin = 12 * 3600 - 0.1
+    return [
+        f"{int(of_day // 3600):02d}:{int(of_day // 60) % 60:02d}:{of_day % 60:08.5f}".replace(
+            ".", form
+        )
+        for of_day in (begin + TIME).round(5).tolist()
+    ]
+
+
+def test_clocks_have_their_names_in_other_languages(tmp_path):
+    """Uhrzeit, heure, hora, with how the clock is written behind, and a date beside."""
+    names = [f"{letter}{phase} [{unit}]" for letter, unit in ("UV", "IA") for phase in "123"]
+    rows = [[f"{cell:.10g}".replace(".", ",") for cell in row] for row in VALUES.T.tolist()]
+    with collecting() as failures:
+        for name, form in (
+            ("Uhrzeit", ","),
+            ("Uhrzeit [hh:mm:ss,000]", ","),
+            ("Zeit (hh:mm:ss)", "."),
+            ("Heure", ","),
+            ("Temps", "."),
+            ("Hora", ","),
+            ("Tiempo", "."),
+            ("时间", "."),
+            ("Datum;Uhrzeit", ","),
+            ("Fecha;Hora (HH:MM:SS)", ","),
+        ):
+            with failures.case(name):
+                date = "02.12.2026;" if ";" in name else ""
+                lines = [";".join([name, *names])]
+                lines += [
+                    ";".join([f"{date}{stamp}", *row])
+                    for stamp, row in zip(clock_cells(form), rows, strict=True)
+                ]
+                (path,) = written(tmp_path, "clock.csv", "\n".join([*lines, ""]))
+                assert_is_the_law(imported(path))
+
+
+def yokogawa(folder: Path, *, names: str = "U1,U2,U3,I1,I2,I3", step: str = "") -> Path:
+    """Rows of names, units and sampling; no column of times, and an empty cell before each row."""
+    interval = 1 / 5000
+    steps = step.split(",") if step else [f"{interval:.6E}"] * 6
+    head = {
+        "Model Name": ["DL850E"],
+        "TraceName": [f'"{name}"' for name in names.split(",")],
+        "BlockSize": [str(len(TIME))] * 6,
+        "VUnit": ['"V"'] * 3 + ['"A"'] * 3,
+        "SampleRate": ["5.000E+03"] * 6,
+        "HResolution": steps,
+        "HOffset": ["-0.05"] * 6,
+        "HUnit": ['"s"'] * 6,
+    }
+    lines = [",".join([f'"{word}"', *cells]) for word, cells in head.items()]
+    rows = ["," + ",".join(f"{cell:.10g}" for cell in row) for row in VALUES.T.tolist()]
+    return written(folder, "block.csv", "\n".join([*lines, "", *rows, ""]))[0]
+
+
+def test_a_block_of_channels_is_named_and_timed_by_its_rows(tmp_path, capsys):
+    """The record begins at HOffset; the law is that of times from 0 on."""
+    for names, channels in (
+        ("U1,U2,U3,I1,I2,I3", ()),
+        ("CH1,CH2,CH3,CH4,CH5,CH6", ("--channels", "va=CH1,vb=CH2,vc=CH3,ia=CH4,ib=CH5,ic=CH6")),
+    ):
+        record = imported(yokogawa(tmp_path, names=names), *channels)
+        assert record.time[0] == pytest.approx(-0.05)
+        assert_is_the_law(replace(record, time=record.time + 0.05))
+        assert "times made of a sample each 0.0002 s" in capsys.readouterr().err
+
+
+def test_a_block_of_channels_in_several_ways_is_refused(tmp_path):
+    path = yokogawa(tmp_path, step="1E-4,1E-4,1E-4,2E-4,2E-4,2E-4")
+    with pytest.raises(ibrid.IbridError, match="one sampling interval"):
+        ibrid.read_events(path, **BASES)
+    path = yokogawa(tmp_path)
+    path.write_text('"TraceName","A","B","C","D","E","F"\n' + path.read_text())
+    with pytest.raises(ibrid.IbridError, match="one block of channels"):
+        ibrid.read_events(path, **BASES)
+
+
+def test_a_sampling_interval_or_rate_above_the_numbers_makes_the_times(tmp_path, capsys):
+    names = ["va [V]", "vb [V]", "vc [V]", "ia [A]", "ib [A]", "ic [A]"]
+    with collecting() as failures:
+        for told in (
+            "Sample interval: 0.0002 s",
+            "Sample Interval,0.0002",
+            "sampling time = 200 us",
+            "Delta_X,0.0002",
+            "dt [ms]: 0.2",
+            "Sample rate: 5 kHz",
+            "Sampling frequency [Hz]: 5000",
+            "# sampled at 5 kS/s",
+            "Fs = 5000",
+            "Abtastrate: 5 kHz",
+            "Fréquence d'échantillonnage : 5000 Hz",
+            "Frecuencia de muestreo: 5 kHz",
+            "采样频率: 5 kHz",
+        ):
+            with failures.case(told):
+                content = text(names, list(VALUES), above=(told,))
+                (path,) = written(tmp_path, "rate.csv", content)
+                assert_is_the_law(imported(path))
+                assert "times made of a sample each 0.0002 s" in capsys.readouterr().err
+
+
+def test_words_that_tell_no_sampling_make_no_times():
+    for words in ("offset: 3", "cutoff frequency: 5 kHz", "fs", "sample rate: 0 Hz", "dt: 3 V"):
+        assert sampling_told([words]) is None

@@ -10,6 +10,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.timed.families import Column
+from ibrid.measurement.importing.timed.signal_names import without_clock_form
 
 #: Times beyond this, s, are of a clock: the record begins at zero.
 _CLOCK = 1e6
@@ -28,7 +29,7 @@ _OF_DAY = re.compile(
     r"(.*?)[T\s]*(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)\s*([AaPp])?\.?(?:[Mm]\.?)?"
 )
 #: Names of columns that hold a date, and of those that hold the time of a day.
-_DATES = ("date", "datum", "fecha", "日期")
+_DATES = ("date", "datum", "jour", "fecha", "dia", "día", "日期")
 _TIMES = ("time", "uhrzeit", "zeit", "heure", "temps", "hora", "tiempo", "时间")
 _FROM_FIRST = "counted from the first sample on"
 
@@ -70,7 +71,7 @@ def times_of(table: ForeignTable, name: str, column: Column) -> tuple[np.ndarray
 def with_date_and_time(table: ForeignTable) -> ForeignTable:
     """The table with a column of dates put before the one of times, where these are apart."""
     texts = {
-        name.strip().lower(): name
+        without_clock_form(name).strip().lower(): name
         for name, values in table.columns.items()
         if values.dtype.kind not in "fc"
     }

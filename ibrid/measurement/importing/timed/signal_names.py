@@ -49,6 +49,8 @@ _AT = "g|grid|pcc|poc|poi|out|[so](?=[dq])"
 _PROGRAM = re.compile(r"^[msbner]:(?=[A-Za-z])")
 #: An object of the network before the name of its variable: `Terminal: Voltage, Magnitude`.
 _OF_OBJECT = re.compile(r".*?[^:\s]:\s+(\S[^:]*)")
+#: How a clock is written, in brackets.
+_CLOCK_FORM = re.compile(r"\s*[\[({][^\[\](){}]*[hH]{1,2}:[mM]{2}[^\[\](){}]*[\])}]$")
 #: Units that stand behind a name without brackets.
 _BEHIND = re.compile(
     r"(.+?)(?:\s+in\s+|\s*/\s*|[_\s](?![VA]$))((?:k|K|M|m)?(?:V|A)|[kM]?W|[kM]?[vV][aA][rR]|[kM]?VA|p\.?u\.?|deg|rad|Hz|ms|us|sec|s|%)"
@@ -88,6 +90,7 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
     """Read the name of a column with its unit and phase where they stand apart; `ColumnSignal()`
     where it says nothing known, or has the star of a reference.
     """
+    name = without_clock_form(name)
     if name.strip().lower() in ("record", "sigma"):
         return ColumnSignal(name.strip().lower())
     bare, written = (name, unit) if unit.strip() else split_unit(name)
@@ -115,6 +118,11 @@ def _between_phases(name: str, phase: str) -> tuple[str, str] | None:
     """Phase and part of Vba and Vca in V, which in degrees are the angles of Vb and Vc."""
     pair = f"{phase}a"
     return (pair, "") if pair in _PHASES and _plain(name).endswith(pair) else None
+
+
+def without_clock_form(name: str) -> str:
+    """The name of a column without how its clock is written: Zeit [hh:mm:ss.000]."""
+    return _CLOCK_FORM.sub("", name).strip()
 
 
 def split_unit(name: str) -> tuple[str, str]:
