@@ -1,5 +1,6 @@
 """Model files of others: each way to fail is one sentence, and no process is left."""
 
+import io
 import os
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from model_files import BAD, DEVICE, GOOD
 
 import ibrid
 from ibrid.devices import MeasureSettings, ProcessLimits, measure_events
+from ibrid.devices.isolation.child import receive
 from ibrid.errors import IbridError
 
 FREQUENCY = (20.0, 45.0, 90.0)
@@ -153,6 +155,7 @@ def _is_a_models(process: psutil.Process) -> bool:
 
 
 FORGED = """
+import io
 import os
 
 
@@ -173,6 +176,25 @@ class Inverter:
 def test_a_model_that_writes_into_our_answers_is_one_sentence(tmp_path: Path):
     with pytest.raises(IbridError, match=r"answered 1 samples where [0-9]+ were asked for"):
         ibrid.measure(device(tmp_path, FORGED), ["p=0.5,q=0.2"], FREQUENCY)
+
+
+def test_what_is_no_message_is_none_of_ours():
+    lines = (
+        b'{"numbers": 1000000000000000000}',
+        b'{"numbers": -5}',
+        b'{"numbers": Infinity}',
+        b'{"numbers": 1.5}',
+        b'{"numbers": ' + b"9" * 10_000 + b"}",
+        b'{"numbers": 0, "a": ' + b"[" * 200_000 + b"}",
+        b"[]",
+        b"{}",
+        b"\xff",
+    )
+    for line in lines:
+        with pytest.raises(ValueError, match=r"."):
+            receive(io.BytesIO(line + b"\n"))
+    assert receive(io.BytesIO(b"x" * 20_000_000)) is None
+    assert receive(io.BytesIO(b'{"numbers": 3}\n' + bytes(24))) is None
 
 
 FILES = {

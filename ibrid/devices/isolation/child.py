@@ -23,9 +23,14 @@ from ibrid.devices.isolation.files_read import FilesRead
 from ibrid.devices.opening import TerminalDevice, open_here
 from ibrid.devices.power_stage import PowerStage
 from ibrid.errors import IbridError
+from ibrid.foreign_data import json_in
 
 #: Bytes of memory that a model may take, where the system keeps to it.
 MEMORY = 8 << 30
+#: Bytes of the line of a message, and rows of its numbers, at most.
+LONGEST_LINE, MOST_ROWS = 10_000_000, 100_000_000
+#: Characters of an error, which may be a model's own.
+LONGEST_ERROR = 2_000
 Message = tuple[dict[str, Any], np.ndarray]
 NOTHING = np.zeros((0, 3))
 
@@ -38,12 +43,17 @@ def send(stream: BinaryIO, line: dict[str, Any], numbers: np.ndarray = NOTHING) 
 
 
 def receive(stream: BinaryIO) -> Message | None:
-    """Read a message; None at the end of the stream or where it broke off."""
-    header = stream.readline()
+    """Read a message; None at the end of the stream or where it broke off.
+
+    Raises ValueError for what is no message: a model can write where its answers go.
+    """
+    header = stream.readline(LONGEST_LINE)
     if not header.endswith(b"\n"):
         return None
-    line = json.loads(header)
-    count = int(line["numbers"])
+    line = json_in(header)
+    count = line.get("numbers") if isinstance(line, dict) else None
+    if not (isinstance(count, int) and 0 <= count <= MOST_ROWS):
+        raise ValueError("no number of rows")
     content = stream.read(count * 3 * 8)
     if len(content) < count * 3 * 8:
         return None
@@ -71,7 +81,7 @@ def serve() -> None:
             else:
                 device, result = _answered(device, line, numbers)
         except IbridError as error:
-            told = {"error": str(error)}
+            told = {"error": str(error)[:LONGEST_ERROR]}
         except MemoryError:
             told = {"error": "the model needs more memory than there is"}
         except BaseException as error:  # code of others: anything may go wrong in it

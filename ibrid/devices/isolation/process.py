@@ -142,7 +142,7 @@ class ModelProcess:
             while True:
                 try:
                     message = receive(stream)
-                except (ValueError, KeyError, TypeError, OSError):  # no answer of ours
+                except (ValueError, MemoryError, OSError):  # no answer of ours
                     message = None
                 self._answers.put(message)
                 if message is None:
@@ -195,7 +195,10 @@ class ProcessDevice:
     def files_read(self) -> list[str]:
         """Paths of the files that the model was made of so far."""
         answer, _ = self._process.ask({"files": True})
-        return list(answer["files"])
+        files = answer.get("files")
+        if not (isinstance(files, list) and all(isinstance(file, str) for file in files)):
+            raise _other_answer(self._what)
+        return files
 
 
 def described(file: str | Path) -> Description:
@@ -205,4 +208,14 @@ def described(file: str | Path) -> Description:
     """
     with ModelProcess(str(file), NO_HURRY) as process:
         answer, _ = process.ask({"describe": str(Path(file).absolute())})
-    return Description(**answer["described"])
+    try:
+        return Description(**answer["described"])
+    except (KeyError, TypeError):
+        raise _other_answer(str(file)) from None
+
+
+def _other_answer(what: str) -> IbridError:
+    return IbridError(
+        f"{what}: answered something else than was asked; something in the model writes where its "
+        "answers go, let it write to files of its own"
+    )
