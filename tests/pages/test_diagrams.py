@@ -6,6 +6,7 @@ from dataclasses import replace
 from itertools import combinations
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from browser import asked
@@ -13,17 +14,24 @@ from fitted import benchmark, evaluated, measured
 
 import ibrid
 from ibrid.analysis.models.loop_modes import loop_modes
+from ibrid.assembly.numbers import Scalar
+from ibrid.assembly.rest import rest
+from ibrid.assembly.set_points import SET_POINTS, is_zero, set_point_gains
 from ibrid.modules.vocabulary import VOCABULARY
-from ibrid.report.block_diagrams.block_diagram import block_diagram_svg
+from ibrid.report.block_diagrams.block_diagram import Shown, block_diagram_svg, drawn_diagrams
 from ibrid.report.block_diagrams.block_graph import block_graph
 from ibrid.report.block_diagrams.drawing import arrange
 from ibrid.report.block_diagrams.loop_frames import Frame, _belongs, _meet, loop_frames
+from ibrid.report.block_diagrams.references import PORT, REFERENCE, with_references
 from ibrid.report.facts.parameter_rows import parameter_rows, values_of
 from ibrid.report.look.numbers import in_si
+from ibrid.report.look.style import style_sheet
 from ibrid.report.pages.page import report_html
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import shipped_names, textbook
 from ibrid.structure.editing.loops import loops
+from ibrid.structure.reading.parameters import parameter_table
+from ibrid.structure.reading.wiring import wire
 
 
 def test_a_sign_in_front_of_a_sum_is_its_minus():
@@ -38,6 +46,94 @@ def test_a_sign_in_front_of_a_sum_is_its_minus():
     # lost
     (power,) = [node for node in graph.nodes if node.name == "sum at p_loop.in_"]
     assert power.minus == power.inputs == ("0",)
+    drawn = with_references(graph, VOCABULARY)
+    (power,) = [node for node in drawn.nodes if node.name == "sum at p_loop.in_"]
+    assert (power.inputs, power.minus) == ((PORT, "0"), ("0",))
+
+
+@pytest.mark.parametrize(
+    ("name", "expected"),
+    [
+        ("gfl_pll_filter_exact", {"p_loop.in_": "p_ref", "q_loop.in_": "q_ref"}),
+        ("gfm_droop", {"p_droop.in_": "p_ref", "q_droop.in_": "q_ref"}),
+        ("gfl_dc_link", {"dc_loop.in_": "v_dc_ref", "ac_loop.in_": "v_ref"}),
+        ("gfl_type1_pll", {"current.in_": "i_ref"}),
+        ("naive", {}),
+    ],
+)
+def test_references_stand_where_the_outer_controllers_compare(name: str, expected: dict[str, str]):
+    drawn = with_references(block_graph(textbook(name), VOCABULARY), VOCABULARY)
+    references = [node for node in drawn.nodes if node.shape == "reference"]
+    assert {node.name.removeprefix(REFERENCE): node.kind for node in references} == expected
+    for node in references:
+        (net,) = [net for net in drawn.nets if net.source[0] == node.name]
+        ((junction, port),) = net.targets
+        there = drawn.node(junction)
+        others = [one for one in there.inputs if one != port]
+        assert there.shape == "sum"
+        assert others
+        # of the other sign than what it is compared with
+        assert (port in there.minus) != (others[0] in there.minus)
+
+
+def moved_by_set_points(diagram: Diagram) -> tuple[set[str], set[str]]:
+    """Inputs whose constants move with a set point of power in the nonlinear model, and which set
+    points those are.
+    """
+    wiring = wire(diagram, VOCABULARY)
+    symbols = {
+        name: Scalar(ca.SX.sym(name))
+        for name in (*parameter_table(wiring, "exact").names, "p", "q", "v")
+    }
+    at = rest(
+        wiring,
+        parameter_table(wiring, "exact"),
+        symbols,
+        (symbols["p"], symbols["q"], symbols["v"]),
+        power_node="pcc",
+        omega_0=100 * np.pi,
+        pade_orders={name: 2 for name, kind in wiring.kinds.items() if kind.delay},
+    )
+    arguments = {module.name: module.arguments for module in at.modules}
+    gains = set_point_gains(wiring, at.modules, at.references, arguments)
+    taken = {
+        name
+        for pair in gains.values()
+        for name, gain in zip(SET_POINTS, pair, strict=True)
+        if not is_zero(gain)
+    }
+    return {channel[0] for channel in gains}, taken
+
+
+def test_a_power_that_is_told_is_a_reference_in_the_drawing():
+    """Two ways to the same: what a step of a set point moves when it is played, and what is
+    drawn.
+    """
+    places = 0
+    for name in shipped_names():
+        diagram = textbook(name)
+        moved, taken = moved_by_set_points(diagram)
+        drawn = with_references(block_graph(diagram, VOCABULARY), VOCABULARY)
+        shown = {
+            node.name.removeprefix(REFERENCE): node.kind
+            for node in drawn.nodes
+            if node.shape == "reference" and node.kind in SET_POINTS
+        }
+        assert set(shown.values()) == taken, name
+        kinds = {one.name: one.kind for one in diagram.instances}
+        if all(kinds[place.split(".")[0]] == "PI" for place in shown):
+            assert set(shown) == moved, name  # of a droop the constant lies behind its gain
+            places += len(shown)
+    assert places > 30
+
+
+def test_every_sum_has_a_sign_at_each_input():
+    for name in shipped_names():
+        diagram = textbook(name)
+        graph = with_references(block_graph(diagram, VOCABULARY), VOCABULARY)
+        inputs = sum(len(node.inputs) for node in graph.nodes if node.shape == "sum")
+        svg = block_diagram_svg(diagram, VOCABULARY)
+        assert svg.count('class="sign"') == inputs, name
 
 
 def test_a_sign_that_is_framed_or_meets_another_stays_a_block():
@@ -69,6 +165,57 @@ def test_blocks_bear_their_values_and_have_room_for_them():
     for one, two in combinations(drawing.boxes.values(), 2):
         apart = one[0] + one[2] <= two[0] or two[0] + two[2] <= one[0]
         assert apart or one[1] + one[3] <= two[1] or two[1] + two[3] <= one[1]
+
+
+@pytest.mark.slow
+def test_values_that_the_data_do_not_tell_and_values_at_a_bound_are_marked():
+    record = evaluated("gfl_pll_filter_exact", restarts=0)
+    op = next(iter(record.parameters))
+    unseen = [name for name, ends in record.intervals[op].items() if ends is None]
+    assert {"current.kP", "decoupling.L"} <= set(unseen)
+    marked = replace(record, at_bound=("pll.kP_pll", f"plant.R_g at {op}"))
+    lines = " ".join(line for lines in values_of(marked).values() for line in lines)
+    assert lines.count("?") == len(unseen)
+    assert "kP_pll 60!" in lines
+    assert "R_g 0.01!" in lines
+    drawn = drawn_diagrams([Shown("", record.diagram, values=values_of(marked))], VOCABULARY)
+    ((_, svg, _),) = drawn.figures
+    assert svg.count('<tspan class="mark">?') == len(unseen)
+    assert [mark for mark, _ in drawn.marks] == ["?", "!"]
+    assert drawn_diagrams([Shown("", record.diagram)], VOCABULARY).marks == []
+
+
+#: Words of a diagram that a wire crosses, that meet other words, or that leave the picture.
+CROSSED = """
+  const bad = [];
+  const meet = (a, b) => b.x < a.x + a.width - 1 && a.x < b.x + b.width - 1 && b.y < a.y + a.height - 3 && a.y < b.y + b.height - 3;
+  for (const svg of document.querySelectorAll("svg.diagram")) {
+    const lines = [...svg.querySelectorAll(".net path:not(.tip)")].flatMap((one) => [...one.getAttribute("d").matchAll(/M([-\\d.]+) ([-\\d.]+)L([-\\d.]+) ([-\\d.]+)/g)].map((found) => found.slice(1).map(Number)));
+    const wires = lines.map(([a, b, c, d]) => ({ x: Math.min(a, c), y: Math.min(b, d), width: Math.abs(c - a) + 2, height: Math.abs(d - b) + 4 }));
+    const words = [...svg.querySelectorAll("text:not(.sign)")].map((one) => [one.textContent, one.getBBox()]), room = svg.viewBox.baseVal;
+    words.forEach(([text, box], k) => {
+      if (wires.some((one) => meet(box, { ...one, x: one.x - 1, y: one.y - 2 }))) bad.push([svg.parentElement.id, "wire", text]);
+      if (words.some(([, other], j) => j !== k && meet(box, other))) bad.push([svg.parentElement.id, "words", text]);
+      if (box.x < 0 || box.y < 0 || box.x + box.width > room.width || box.y + box.height > room.height) bad.push([svg.parentElement.id, "cut", text]);
+    });
+  }
+  return [document.querySelectorAll("svg.diagram text").length, bad];
+"""
+
+
+@pytest.mark.slow
+def test_no_wire_runs_through_words_in_any_shipped_diagram(tmp_path: Path):
+    drawn = "".join(
+        f'<div id="{name}">{block_diagram_svg(textbook(name), VOCABULARY)}</div>'
+        for name in shipped_names()
+    )
+    page = f"<!DOCTYPE html><style>{style_sheet()}</style>{drawn}"
+    ((number, bad),), _ = asked([page], CROSSED, tmp_path)
+    assert number > 1000
+    assert bad == []
+    crossed = page.replace('<g class="loop"><text x="', '<g class="loop"><text x="-', 1)
+    ((_, found),), _ = asked([crossed], CROSSED, tmp_path)
+    assert found  # words that are cut off are found out
 
 
 @pytest.mark.parametrize(

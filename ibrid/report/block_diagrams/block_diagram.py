@@ -19,6 +19,8 @@ from ibrid.report.block_diagrams.block_graph import Node, block_graph
 from ibrid.report.block_diagrams.drawing import Layout, arrange
 from ibrid.report.block_diagrams.layering import LINE, header_of, shorten
 from ibrid.report.block_diagrams.loop_frames import loop_frames
+from ibrid.report.block_diagrams.references import with_references
+from ibrid.report.facts.parameter_rows import AT_BOUND, OPEN
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import parse_program
 from ibrid.structure.editing.loops import loops
@@ -45,7 +47,7 @@ def block_diagram_svg(
             f"<p>The diagram has {len(diagram.instances)} modules; drawings are made of at most "
             f"{LARGEST}.</p>"
         )
-    graph = block_graph(diagram, vocabulary, values, framed)
+    graph = with_references(block_graph(diagram, vocabulary, values, framed), vocabulary)
     drawing = arrange(graph)
     frames = [frame.svg for frame in loop_frames(drawing, loops(diagram, tuple(vocabulary)))]
     parts = [frame for frame, _ in frames]
@@ -99,6 +101,12 @@ def _node(drawing: Layout, node: Node, framed: bool) -> list[str]:
             markup.append(_text(x + 6, y + 4, sign, "sign"))
         return [f'<g class="node sum"><title>{escape(node.name)}</title>', *markup, "</g>"]
     box = f'<rect x="{left:.1f}" y="{top:.1f}" width="{width:.1f}" height="{height:.1f}"'
+    if node.shape == "reference":
+        return [
+            f'<g class="node reference">{box} rx="11"/>',
+            _text(middle, top + 15.0, shorten(node.kind), "name"),
+            "</g>",
+        ]
     if node.shape == "terminal":
         return [
             f'<g class="node terminal">{box} rx="13"/>',
@@ -113,7 +121,7 @@ def _node(drawing: Layout, node: Node, framed: bool) -> list[str]:
     markup.append(_text(middle, top + 17.5, shorten(node.name), "name"))
     markup.append(_text(middle, top + 32.5, shorten(node.kind), "kind"))
     markup += [
-        _text(middle, top + 32.5 + LINE * number, shorten(line), "value")
+        _marked(_text(middle, top + 32.5 + LINE * number, shorten(line), "value"))
         for number, line in enumerate(node.values, start=1)
     ]
     if drawing.placement.shapes[node.name].labelled:
@@ -142,8 +150,17 @@ FAMILIES = {
 }
 
 
+def _marked(text: str) -> str:
+    """Marks behind values in the colour of what needs a look."""
+    return re.sub(rf"[{OPEN}{AT_BOUND}]+(?=,|<)", r'<tspan class="mark">\g<0></tspan>', text)
+
+
 def _text(x: float, y: float, words: str, style: str) -> str:
     return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
+
+
+#: What marks behind values mean.
+MARKS = {OPEN: "the data do not tell this value", AT_BOUND: "at an end of its box"}
 
 
 @dataclass(frozen=True)
@@ -159,11 +176,13 @@ class Shown:
 class DrawnDiagrams(NamedTuple):
     """For the macro `diagrams`.
 
-    `figures` : (title, SVG, its width in px or ""). `families` : (style, words).
+    `figures` : (title, SVG, its width in px or ""). `families` : (style, words). `marks` : (mark
+    behind a value, words), of those that are there.
     """
 
     figures: list[tuple[str, Markup, str]]
     families: list[tuple[str, str]]
+    marks: list[tuple[str, str]]
 
 
 def drawn_diagrams(shown: Sequence[Shown], kinds: Sequence[ModuleKind]) -> DrawnDiagrams:
@@ -177,8 +196,11 @@ def drawn_diagrams(shown: Sequence[Shown], kinds: Sequence[ModuleKind]) -> Drawn
     used = dict.fromkeys(
         families.get(block.kind, "unknown") for one in shown for block in one.diagram.instances
     )
+    texts = [line for one in shown for lines in one.values.values() for line in lines]
     return DrawnDiagrams(
-        figures, [(name.replace(" ", "-"), FAMILIES.get(name, name)) for name in used]
+        figures,
+        [(name.replace(" ", "-"), FAMILIES.get(name, name)) for name in used],
+        [(mark, words) for mark, words in MARKS.items() if any(mark in line for line in texts)],
     )
 
 

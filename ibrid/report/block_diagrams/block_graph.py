@@ -24,7 +24,7 @@ Pin = tuple[str, str]
 
 @dataclass(frozen=True)
 class Node:
-    """One shape. `shape` : "module", "sum" or "terminal".
+    """One shape. `shape` : "module", "sum", "terminal" or "reference", of which `kind` is the name.
 
     `kind`, `family` : words, "" where they do not apply. `minus` : inputs of a sum that are
     subtracted. `values` : lines in the box of a module.

@@ -66,6 +66,9 @@ def shape(node: Node) -> NodeShape:
             for i, port in enumerate(node.inputs)
         }
         return NodeShape(2 * radius, 2 * radius, inputs, {"out": radius})
+    if node.shape == "reference":
+        width = max(PLAIN * len(shorten(node.kind)) + 18, 44.0)
+        return NodeShape(width, 22.0, {}, dict.fromkeys(node.outputs, 11.0))
     if node.shape == "terminal":
         return NodeShape(
             54.0, 26.0, dict.fromkeys(node.inputs, 13.0), dict.fromkeys(node.outputs, 13.0)

@@ -11,6 +11,7 @@ import numpy as np
 
 from ibrid.report.block_diagrams.block_graph import SUM
 from ibrid.report.block_diagrams.drawing import Layout, Point
+from ibrid.report.block_diagrams.references import REFERENCE
 from ibrid.structure.reading.wiring import split_port
 
 #: Between a frame and what is in it; above it more, for the name. Two of them fit between the boxes
@@ -60,12 +61,12 @@ def loop_frames(drawing: Layout, loops: Mapping[str, Sequence[str]]) -> list[Fra
     }
     nets = range(len(drawing.placement.graph.nets))
     wires = [_hull((*a, *a), (*b, *b)) for net in nets for a, b in drawing.pieces(net)]
-    frames: list[Frame] = []
+    pieces: list[tuple[str, list[Box], list[Box]]] = []  # name, rectangles, those it may stand in
     for title, members in loops.items():
         others = [
             room[name] if name in framed else boxes[name] for name in boxes.keys() - inside[title]
         ]
-        others += [box for frame in frames for box in frame.boxes]
+        others += [box for _, shown, _ in pieces for box in shown]
         own = {room[name]: name in members for name in inside[title]}
         for piece in _merged(own, others):
             named = [
@@ -77,21 +78,20 @@ def loop_frames(drawing: Layout, loops: Mapping[str, Sequence[str]]) -> list[Fra
                 shown = [
                     box for box in piece if not any(_hull(box, one) == one != box for one in piece)
                 ]
-                frames.append(
-                    Frame(
-                        title,
-                        tuple(dict.fromkeys(shown)),
-                        _free_place(named, wires, _LETTER * len(title)),
-                    )
-                )
+                pieces.append((title, list(dict.fromkeys(shown)), named))
+    frames: list[Frame] = []
+    for title, shown, named in pieces:
+        width = _LETTER * len(title)
+        outside = [*boxes.values(), *wires, *(box for _, other, _ in pieces for box in other)]
+        name = _free_place(named, [*boxes.values(), *wires], outside, width)
+        frames.append(Frame(title, tuple(shown), name))
     return frames
 
 
 def _belongs(name: str, members: Sequence[str]) -> bool:
-    """Whether it is one of them or a sum in front of one."""
-    return name in members or (
-        name.startswith(SUM) and split_port(name.removeprefix(SUM))[0] in members
-    )
+    """Whether it is one of them, or a sum or a reference in front of one."""
+    end = name.removeprefix(SUM).removeprefix(REFERENCE)
+    return name in members or (end != name and (split_port(end)[0] or end) in members)
 
 
 def _merged(boxes: Mapping[Box, bool], others: Sequence[Box]) -> list[list[Box]]:
@@ -144,14 +144,24 @@ def _meet(one: Box, other: Box) -> bool:
     return one[0] < other[2] and other[0] < one[2] and one[1] < other[3] and other[1] < one[3]
 
 
-def _free_place(piece: Sequence[Box], wires: Sequence[Box], width: float) -> Point:
-    """Below an upper edge of a frame, where no wire runs if there is such a place."""
-    places = [
-        (x, top + 12.5)
-        for left, top, right, _ in sorted(piece, key=lambda box: (box[1], box[0] - box[2]))
-        for x in np.arange(left + 5.0, max(right - width - 3.0, left + 6.0), 4.0)
-    ]
-    words = ((x, y, (x - 2.0, y - 10.0, x + width, y + 3.0)) for x, y in places)
-    return next(
-        ((x, y) for x, y, box in words if not any(_meet(box, wire) for wire in wires)), places[0]
+def _free_place(
+    piece: Sequence[Box], inside: Sequence[Box], outside: Sequence[Box], width: float
+) -> Point:
+    """Below an upper edge of a frame, where no wire runs; else above a lower edge, and else beside
+    the frame.
+
+    inside, outside : what the name may not meet there.
+    """
+    ways = ((1, 12.5, inside), (3, -4.0, inside), (1, -4.0, outside), (3, 12.5, outside))
+    upper = sorted(piece, key=lambda box: (box[1], box[0] - box[2]))
+    places = (
+        (x, box[edge] + below, taken)
+        for edge, below, taken in ways
+        for box in upper
+        for x in np.arange(box[0] + 5.0, max(box[2] - width - 3.0, box[0] + 6.0), 4.0)
     )
+    for x, y, taken in places:
+        words = (x - 2.0, y - 10.0, x + width, y + 3.0)
+        if not any(_meet(words, box) for box in taken):
+            return x, y
+    return upper[0][0] + 5.0, upper[0][1] + 12.5

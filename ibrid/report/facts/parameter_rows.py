@@ -77,12 +77,20 @@ def parameter_groups(record: Record) -> dict[str, Any]:
     }
 
 
+#: Behind a value in a block diagram: the data do not tell it, or it lies at an end of its box.
+OPEN, AT_BOUND = "?", "!"
+
+
 def values_of(record: Record) -> dict[str, list[str]]:
     """Module -> its parameters in short lines, two on each; a range where they differ between
-    operating points.
+    operating points, and marks (`OPEN`, `AT_BOUND`) behind what is not to be relied on.
     """
     if not record.parameters:
         return {}
+    bound = {label.split(" at ")[0] for label in record.at_bound}
+    unseen = {
+        name for ends in record.intervals.values() for name, end in ends.items() if end is None
+    }
     wiring = record.wiring
     table = parameter_table(wiring, record.settings["equilibrium"])
     lines = {}
@@ -91,7 +99,9 @@ def values_of(record: Record) -> dict[str, list[str]]:
         for one in kind.parameters:
             values = [float(table.value(name, one, point)) for point in record.parameters.values()]
             low, high = number(min(values), 3), number(max(values), 3)
-            told.append(f"{one} {low}" if low == high else f"{one} {low}…{high}")
+            label = table.of(name, one)
+            mark = OPEN * (label in unseen) + AT_BOUND * (label in bound)
+            told.append(f"{one} {low}{mark}" if low == high else f"{one} {low}…{high}{mark}")
         lines[name] = _filled(told)
     return lines
 
