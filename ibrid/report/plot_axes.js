@@ -13,8 +13,8 @@ function ticks(low, high, logarithmic) {
     for (let k = -20; k <= 20; k++) found.push(...steps.map((m) => +`${m}e${k}`).filter((v) => v >= low && v <= high));
     if (found.length > 2) return found;
   }
-  const unit = 10 ** Math.floor(Math.log10((high - low) / 4));
-  const step = unit * [1, 2, 5, 10].find((m) => m * unit >= (high - low) / 4);
+  const least = (high - low) / 6, unit = 10 ** Math.floor(Math.log10(least));
+  const step = unit * [1, 2, 5, 10].find((m) => m * unit >= least);
   const found = [];
   for (let k = Math.ceil(low / step); k * step <= high; k++) found.push(k * step);
   return found;
@@ -75,7 +75,7 @@ class Plane {
     const placed = (one) => [one, +one.getAttribute("x"), +one.getAttribute("y")];
     this.paths = found("path[clip-path]").map((one) => [one, one.getAttribute("d")]);
     this.marks = found("g[clip-path] > use").map(placed);
-    this.words = found("text[x]").map(placed);
+    this.words = found("text[x]").filter((one) => !one.closest('[id*="legend_"]')).map(placed);
     this.added = [];
     this.named = curves;
     this.label = [...(this.axes[1]?.children ?? [])].filter((one) => !/[xy]tick_\d+$/.test(one.id)).map((one) => one.querySelector("text")).find(Boolean);

@@ -2,15 +2,15 @@
 
 // A curve as it was drawn: places along x (decades or units) and along y. A line is read between its points, dots at the next one.
 class Curve {
-  constructor(svg, [end, name], sides) {
-    const group = svg.querySelector(`g[id$="-${end}"]`), line = group?.querySelector(":scope > path[clip-path]");
-    const dots = group ? [...group.querySelectorAll("g[clip-path] > use")] : [];
+  constructor(svg, [end, name], { sides, paths, marks }) {
+    const group = svg.querySelector(`g[id$="-${end}"]`), drawn = paths.find(([one]) => one.parentElement === group);
+    const dots = marks.filter(([one]) => group?.contains(one)), line = drawn?.[0]; // as they were drawn, whatever is shown
     const place = (side, pixel) => side.whole[0] + ((pixel - side.start) / side.length) * (side.whole[1] - side.whole[0]);
     Object.assign(this, { name, read: !dots.length });
-    this.colour = (line ?? dots[0])?.style.stroke || "currentColor";
+    this.colour = (line ?? dots[0]?.[0])?.style.stroke || "currentColor";
     const pairs = dots.length
-      ? dots.map((one) => [+one.getAttribute("x"), +one.getAttribute("y"), false])
-      : [...(line?.getAttribute("d") ?? "").matchAll(/([ML]) (-?[\d.]+) (-?[\d.]+)/g)].map(([, kind, x, y]) => [+x, +y, kind === "M"]);
+      ? dots.map(([, x, y]) => [x, y, false])
+      : [...(drawn?.[1] ?? "").matchAll(/([ML]) (-?[\d.]+) (-?[\d.]+)/g)].map(([, kind, x, y]) => [+x, +y, kind === "M"]);
     this.points = pairs.map(([x, y, first]) => [place(sides[0], x), place(sides[1], y), first]);
   }
   // The places along x and y that are read at a place along x, null where there are none; `near` : how far away a dot may be.
@@ -36,7 +36,7 @@ class Readout {
     this.box.setAttribute("role", "status");
   }
   get curves() {
-    return (this.kept ??= this.plot.planes.map((plane) => plane.named.map((one) => new Curve(this.plot.svg, one, plane.sides))));
+    return (this.kept ??= this.plot.planes.map((plane) => plane.named.map((one) => new Curve(this.plot.svg, one, plane))));
   }
   // The rows: name, colour and, for each plane that has the curve, its value.
   rows(x) {
@@ -48,7 +48,7 @@ class Readout {
         if (!found) continue;
         const [where, y] = found, name = curve.read ? curve.name : `${curve.name} at ${across.written(across.value(where), 4)}`;
         const row = rows.get(name) ?? rows.set(name, { colour: curve.colour, values: [] }).get(name);
-        row.values.push(`${plane.title ? `${plane.title} ` : ""}${up.written(up.value(y), 4)}`);
+        row.values.push(`${plane.title ? `${plane.title} ` : ""}${up.written(up.value(y), 3)}`);
       }
     });
     return rows;

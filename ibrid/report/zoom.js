@@ -12,7 +12,7 @@ class Plot {
     svg.classList.add("zoomable");
     svg.tabIndex = 0;
     svg.setAttribute("aria-keyshortcuts", "+ - 0 ArrowLeft ArrowRight ArrowUp ArrowDown");
-    const figure = svg.closest("figure");
+    const figure = svg.closest("figure") ?? svg.parentElement;
     this.back = figure.appendChild(Object.assign(document.createElement("button"), { type: "button", hidden: true }));
     this.back.textContent = "show all";
     this.readout = new Readout(this, figure);

@@ -10,11 +10,14 @@ import pytest
 from browser import asked
 from fitted import benchmark, changed, evaluated
 
-from ibrid.measurement.sweeps.sweep import PointSweep
+from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
+from ibrid.playback.compare import model_of_record, play
 from ibrid.report.facts.bases import admittance_base
 from ibrid.report.figures.bode import Curves, impedance_of
 from ibrid.report.look.figure import inline_svg
 from ibrid.report.pages.page import report_html
+from ibrid.report.pages.playback_page import playback_page
 
 #: Moves the cursor of the first plot to its middle and two steps on, and tells what is read there.
 READ = """
@@ -87,10 +90,48 @@ def test_units_are_switched_where_the_bases_are_known(tmp_path):
         assert f"magnitude  ({unit})" in shown["words"], name
         assert "phase  (deg)" in shown["words"]
     read = {name: numbers_in(shown["read"].split(": ")[1])[0] for name, shown in found.items()}
-    assert read["Y in S"] == pytest.approx(0.0625 * read["Y in pu"], rel=2e-3)
-    assert read["Z in ohm"] == pytest.approx(16.0 * read["Z in pu"], rel=2e-3)
-    assert read["Y in dB"] == pytest.approx(20 * np.log10(read["Y in pu"]), abs=0.02)
+    assert read["Y in S"] == pytest.approx(0.0625 * read["Y in pu"], rel=0.01)  # three digits
+    assert read["Z in ohm"] == pytest.approx(16.0 * read["Z in pu"], rel=0.01)
+    assert read["Y in dB"] == pytest.approx(20 * np.log10(read["Y in pu"]), abs=0.1)
     assert {"−40", "−20", "0"} <= set(found["Y in dB"]["words"])
+
+
+#: Enlarges a record, reads it at the cursor, and tells the words at its axes and in its legend.
+RECORD = """
+  const svg = document.querySelector("svg[data-axes]");
+  const press = (key, shiftKey = false) => svg.dispatchEvent(new window.KeyboardEvent("keydown", { key, shiftKey, bubbles: true }));
+  const seen = (selector) => [...svg.querySelectorAll(selector)].filter((one) => getComputedStyle(one).visibility !== "hidden" && one.checkVisibility()).map((one) => one.textContent);
+  const before = seen('g[id*="axis_"] text');
+  for (let k = 0; k < 3; k++) press("+");
+  const after = seen('g[id*="axis_"] text');
+  press("ArrowRight", true);
+  return { before, after, legend: seen('g[id*="legend_"] text'), read: [...svg.closest("figure").querySelectorAll(".told > *")].map((one) => one.textContent) };
+"""  # noqa: E501
+
+
+@pytest.mark.slow
+def test_a_record_of_an_event_has_units_and_is_enlarged_and_read(tmp_path):
+    time = np.arange(2000) / 5000
+    v = np.where((time > 0.05) & (time < 0.2), 0.6, 1.0)[:, None] * [1.0, 0.0]
+    i = np.full((2000, 2), [0.8, -0.1])
+    events = Events((EventRecord(OperatingPoint("dip", 0.8, 0.1, 1.0), time, v, i, 0.04),))
+    model = model_of_record(evaluated("gfl_pll_filter_exact", restarts=0))
+    page = playback_page(play(model, events), "it")
+    ((found),), console = asked([page], RECORD, tmp_path)
+    assert not console
+    for words in ("time  (s)", "|v|  (pu)", "i_d  (pu)", "i_q  (pu)", "p  (pu)", "q  (pu)"):
+        assert words in found["before"]
+        assert words in found["after"]
+    assert found["legend"] == ["measured", "model"]
+    assert found["before"] != found["after"]  # other ticks
+    head, measured, modelled = found["read"]
+    assert head.endswith(" s")
+    moment = numbers_in(head)[0]
+    assert 0.1 < moment < 0.3
+    depth = 0.6 if moment < 0.2 else 1.0
+    assert f"|v| {depth:g} pu" in measured
+    assert "i_d 0.8 pu" in measured
+    assert modelled.startswith("model: i_d ")
 
 
 def test_an_impedance_is_the_inverse_and_so_are_its_deviations():

@@ -19,8 +19,8 @@ from ibrid.report.block_diagrams.block_graph import Node, block_graph
 from ibrid.report.block_diagrams.drawing import Layout, arrange
 from ibrid.report.block_diagrams.layering import LINE, header_of, shorten
 from ibrid.report.block_diagrams.loop_frames import loop_frames
+from ibrid.report.block_diagrams.marks import AT_BOUND, MARKS, OPEN
 from ibrid.report.block_diagrams.references import with_references
-from ibrid.report.facts.parameter_rows import AT_BOUND, OPEN
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import parse_program
 from ibrid.structure.editing.loops import loops
@@ -157,10 +157,6 @@ def _marked(text: str) -> str:
 
 def _text(x: float, y: float, words: str, style: str) -> str:
     return f'<text class="{style}" x="{x:.1f}" y="{y:.1f}">{escape(words)}</text>'
-
-
-#: What marks behind values mean.
-MARKS = {OPEN: "the data do not tell this value", AT_BOUND: "at an end of its box"}
 
 
 @dataclass(frozen=True)

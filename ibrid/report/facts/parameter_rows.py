@@ -11,6 +11,7 @@ from typing import Any
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.report.block_diagrams.layering import LONGEST
+from ibrid.report.block_diagrams.marks import AT_BOUND, OPEN
 from ibrid.report.look.numbers import in_si, interval, more_readable, number
 from ibrid.structure.reading.parameters import parameter_table
 
@@ -77,10 +78,6 @@ def parameter_groups(record: Record) -> dict[str, Any]:
     }
 
 
-#: Behind a value in a block diagram: the data do not tell it, or it lies at an end of its box.
-OPEN, AT_BOUND = "?", "!"
-
-
 def values_of(record: Record) -> dict[str, list[str]]:
     """Module -> its parameters in short lines, two on each; a range where they differ between
     operating points, and marks (`OPEN`, `AT_BOUND`) behind what is not to be relied on.
@@ -96,12 +93,15 @@ def values_of(record: Record) -> dict[str, list[str]]:
     lines = {}
     for name, kind in wiring.kinds.items():
         told = []
-        for one in kind.parameters:
-            values = [float(table.value(name, one, point)) for point in record.parameters.values()]
+        for parameter in kind.parameters:
+            values = [
+                float(table.value(name, parameter, point)) for point in record.parameters.values()
+            ]
             low, high = number(min(values), 3), number(max(values), 3)
-            label = table.of(name, one)
+            label = table.of(name, parameter)
             mark = OPEN * (label in unseen) + AT_BOUND * (label in bound)
-            told.append(f"{one} {low}{mark}" if low == high else f"{one} {low}…{high}{mark}")
+            span = low if low == high else f"{low}…{high}"
+            told.append(f"{parameter} {span}{mark}")
         lines[name] = _filled(told)
     return lines
 

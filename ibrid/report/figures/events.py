@@ -20,6 +20,6 @@ def draw_events(pair: Sequence[Any], events: Events) -> None:
                     label=f"{record.name} {letter}_{'dq'[component]}",
                     linewidth=1,
                 )
-        axes.set_ylabel(f"{letter}, per unit")
+        axes.set_ylabel(f"{letter}  (pu)")
         axes.legend(fontsize=8)
-    pair[-1].set_xlabel("time, s")
+    pair[-1].set_xlabel("time  (s)")

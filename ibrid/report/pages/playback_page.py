@@ -129,7 +129,7 @@ def _draw(
                     record.time, shown, color=colour, linestyle=dashes, linewidth=1.0, label=label
                 )
         _draw_levels(plane, measured[number][0], values)
-        plane.set_ylabel(measured[number][0])
+        plane.set_ylabel(f"{measured[number][0]}  (pu)")
     axes[1].legend(loc="best")
     axes[-1].set_xlabel("time  (s)")
 
