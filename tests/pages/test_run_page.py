@@ -18,7 +18,7 @@ from ibrid_search.report.page import run_html, write_run_page
 from ibrid_search.report.run_data import read_run
 from ibrid_search.run.store import Store
 from ibrid_search.step import Status, Step
-from ibrid_search.watching.server import run_state
+from ibrid_search.watching.run_state import run_state
 from made_run import REFUSALS, a_run, meta, put
 from page_reader import Reader, self_contained
 
@@ -27,6 +27,7 @@ from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.formats.csv_file import read_csv, write_sweep
 from ibrid.measurement.sweeps.noise import add_noise
 from ibrid.plants.benchmarks import benchmarks
+from ibrid.report.look.numbers import error
 from ibrid.structure.diagrams.library import textbook, textbook_text
 from ibrid.structure.diagrams.program import parse_program
 
@@ -67,9 +68,7 @@ def few_figures(monkeypatch):
 def test_page_begins_with_the_verdict(reader):
     words = reader.text
     assert words.index("reproduces the measurement to rounding") < words.index("evaluations")
-    assert (
-        "Found as step 5, evaluation 4. It is the structure that was given as the truth." in words
-    )
+    assert "Found in evaluation 4. It is the structure that was given as the truth." in words
 
 
 @pytest.mark.slow
@@ -177,7 +176,7 @@ def test_selection_of_the_run_decides_the_answer_and_its_columns(folder, tmp_pat
     }
     (tmp_path / "run" / "selection.json").write_text(json.dumps(chosen), encoding="utf-8")
     words = read(write_run_page(tmp_path / "run")).text
-    assert "Found as step 3" in words
+    assert "Found in evaluation 3" in words
     assert "It is not the structure that was given as the truth." in words
     assert "1 other structure fits equally well." in words
     for part in (
@@ -214,7 +213,7 @@ def test_a_line_begins_at_the_shipped_diagram_that_it_came_from(tmp_path, few_fi
     assert "2 edits lead from the shipped diagram gfl_exact to what was found" in words
     way = words.partition("2 edits lead")[2].partition("How the search went")[0]
     assert "decoupling by the nominal frequency" in way
-    assert "step 0" not in way
+    assert "evaluation 1" not in way
     assert [one["parent"] for one in run_state(folder)["nodes"]] == [None, None, 1, 3]
 
 
@@ -238,6 +237,37 @@ def test_page_begins_with_sentence_grade_diagram_and_line_and_folds_its_statisti
 
 
 @pytest.mark.slow
+def test_a_page_says_why_the_answer_is_not_the_lowest_of_the_curve(tmp_path, few_figures):
+    folder = a_run(tmp_path / "run", meta())
+    title = "Why the final number is not the last of the curve"
+    assert title not in read(write_run_page(folder)).text
+    chosen = {"front": [{"step": 3}], "equally_good": [3], "answer": 3, "why": "it was asked for"}
+    (folder / "selection.json").write_text(json.dumps(chosen), encoding="utf-8")
+    words = read(write_run_page(folder)).text
+    low, high = (evaluated(name, restarts=0) for name in ("gfl_pll_filter_exact", "gfl"))
+    assert title in words
+    assert (
+        f"The curve goes down to {error(low.nrmse)} at evaluation 4; the answer is evaluation 3 "
+        f"with {error(high.nrmse)}."
+    ) in words
+    assert f"{low.free_parameters} free parameters against {high.free_parameters}" in words
+    assert "The answer was chosen since it was asked for." in words
+    better = dataclasses.replace(high, nrmse=0.5 * (high.nrmse or 0.0))
+    better.write(folder / "best.json")
+    words = read(write_run_page(folder)).text
+    assert f"best.json has {error(better.nrmse)}: after the search the answer was fitted" in words
+    low.write(folder / "best.json")  # of another structure: nothing is said of it
+    assert "best.json has" not in read(write_run_page(folder)).text
+
+
+@pytest.mark.slow
+def test_a_page_counts_in_evaluations_alone(page, folder):
+    words = read(write_run_page(folder)).text
+    assert not re.search(r"\bsteps? \d", words)
+    assert "<dt>proposals" not in page
+
+
+@pytest.mark.slow
 def test_structures_that_miss_the_data_alike_are_not_said_to_fit(folder, tmp_path, few_figures):
     a_run(tmp_path / "run", meta(), until=3)  # the best of these misses clean data by 0.2 %
     chosen = {"front": [{"step": 3}], "equally_good": [0, 1, 3], "answer": 3}
@@ -245,7 +275,7 @@ def test_structures_that_miss_the_data_alike_are_not_said_to_fit(folder, tmp_pat
     words = read(write_run_page(tmp_path / "run")).text
     said = "No structure fits the data exactly yet, and their noise is not known;"
     assert f"{said} 2 others are about equally near." in words
-    assert f"{said} 3 are about equally near, steps 0, 1, 3." in words
+    assert f"{said} 3 are about equally near, evaluations 1, 2, 3." in words
     assert "fit equally well" not in words
     assert "tell them apart" not in words
 

@@ -20,6 +20,11 @@ from ibrid.report.pages.template import page
 from ibrid.structure.comparison.compare import difference
 from ibrid.writing import inside, write_whole
 from ibrid_search.report.course import front_svg, learning_of, trajectory_svg
+from ibrid_search.report.final_number import (
+    explain_final_number,
+    number_evaluations,
+    rival_words,
+)
 from ibrid_search.report.fleet_summary import fleet_html, summary_of
 from ibrid_search.report.models import drawn_models, front_rows, response_facts
 from ibrid_search.report.run_data import RunData, read_run
@@ -78,7 +83,9 @@ def run_html(run: RunData) -> str:
         "evaluations": evaluations,
         "budget": budget,
         "over_budget": evaluations > budget,  # a smaller one was given when the run went on
-        "evaluation_of": {point.step: point.evaluation for point in run.points},
+        "evaluation_of": number_evaluations(run),
+        "final": explain_final_number(run),
+        "rivals": rival_words(run),
         "trajectory": trajectory_svg(run),
         "drawn": drawn_models(run),
         "responses": response_facts(run),

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
-from ibrid.evaluation.record import Record
+from ibrid.evaluation.record import Record, read_record
 from ibrid.foreign_data import toml_in
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
@@ -22,11 +22,11 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import NAMED_VOCABULARIES, VOCABULARY
 from ibrid.structure.comparison.compare import Comparison, compare
 from ibrid.structure.diagrams.diagram import Diagram
-from ibrid.structure.diagrams.program import parse_program
+from ibrid.structure.diagrams.program import parse_program, program_text
 from ibrid.study import Study
 from ibrid.writing import inside
 from ibrid_search.run.parsed import mapping_in
-from ibrid_search.run.run_folder import SELECTION
+from ibrid_search.run.run_folder import BEST_RECORD, SELECTION
 from ibrid_search.run.selection import Selection, plain_selection, read_selection
 from ibrid_search.run.store import NotedCall, Store
 from ibrid_search.run.trajectory import Milestone, Point, eligible, milestones, trajectory
@@ -50,7 +50,8 @@ class RunData:
     `answer` : the step that is shown as found, None before the first valid one. `truth_record` :
     the given truth, fitted to the same data with the same options. `retried` : steps that were
     begun more than once, and how often. `archive` : its statistics, once the search has ended.
-    `notes` : what could not be had, in sentences. `calls` : of the tools of an agent.
+    `notes` : what could not be had, in sentences. `calls` : of the tools of an agent. `final` : the
+    record in best.json, where it is of the answer.
     """
 
     meta: Mapping[str, str]
@@ -70,6 +71,7 @@ class RunData:
     archive: Mapping[str, Any]
     notes: tuple[str, ...]
     calls: tuple[NotedCall, ...] = ()
+    final: Record | None = None
 
     @property
     def start(self) -> Step | None:
@@ -168,7 +170,22 @@ def read_run(
         archive=mapping_in(meta.get("archive", "")),
         notes=tuple(notes),
         calls=tuple(store.calls()),
+        final=_final_record(store.path.parent, answer, known),
     )
+
+
+def _final_record(
+    folder: Path, answer: Step | None, kinds: tuple[ModuleKind, ...]
+) -> Record | None:
+    """What the run has written as its best, where that is the answer's program."""
+    if answer is None:
+        return None
+    try:
+        record = read_record(inside(folder, BEST_RECORD), kinds)
+        same = record.program == program_text(parse_program(answer.program))
+    except IbridError:
+        return None
+    return record if same else None
 
 
 def _worth_reading(

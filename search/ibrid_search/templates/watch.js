@@ -105,7 +105,10 @@ function header(state) {
   at("name").textContent = `Search ${state.name}`;
   at("told").textContent = `${stands}, ${evaluations} evaluations${budget ? ` of ${budget}` : ""}`;
   const where = best && table.evaluations.get(best.step);
+  const lowest = state.nodes.find((one) => one.step === state.lowest), less = best && lowest && lowest.nrmse < 0.99 * best.nrmse;
+  const why = less ? ` The least error is ${written(lowest.nrmse)}, at evaluation ${table.evaluations.get(lowest.step)}; the search also weighs the number of parameters and implausible values.` : "";
   at("sentence").textContent = best ? `Best so far: evaluation ${where}, NRMSE ${written(best.nrmse)}${best.note ? `: ${best.note}` : ""}` : "Nothing is fitted yet.";
+  if (why) at("sentence").append(`.${why}`);
   const facts = { evaluations: `${evaluations}${budget ? ` of ${budget}` : ""}`, "NRMSE, best": written(best?.nrmse), elapsed: duration(state.seconds) };
   if (state.seconds_left !== null) facts["left, at most"] = duration(state.seconds_left);
   at("facts").replaceChildren(...Object.entries(facts).map(([name, value]) => {

@@ -47,8 +47,9 @@ def run_state(folder: Path) -> dict[str, Any]:
     `running` : a live process writes it; `stopping` : it was asked to stop; `ending` : "" before
     its end. `seconds` : that all its sittings took up to the last result; `seconds_left` : until
     the budget is spent at the pace so far, None where nothing is to come or the pace is not known.
-    `best` : a step or None. `points` : (evaluation, NRMSE, best NRMSE, step). `nodes` : the
-    evaluated candidates with their parents.
+    `best` : the step that the search holds for the best, or None; `lowest` : that of the least
+    error, which may have more parameters or implausible values. `points` : (evaluation, NRMSE, best
+    NRMSE, step). `nodes` : the evaluated candidates with their parents.
 
     Raises IbridError where there is no run.
     """
@@ -64,6 +65,8 @@ def run_state(folder: Path) -> dict[str, Any]:
     for number in ranked:
         shown |= {step.number: None for step in line(steps, number) if step.number in known}
     best = whole_number(meta.get("best", ""))
+    able = [point for point in points if point.stable and point.nrmse is not None]
+    lowest = min(able, key=lambda point: (point.nrmse, point.step), default=None)
     leading = next((number for number in ranked if steps[number].stable), None)
     budget = settings_of(meta.get("settings", "")).get("budget")
     return {
@@ -78,6 +81,7 @@ def run_state(folder: Path) -> dict[str, Any]:
         "seconds": seconds_of(meta),
         "seconds_left": _seconds_left(meta, points, budget) if running else None,
         "best": best if best in known else leading,
+        "lowest": None if lowest is None else lowest.step,
         "points": [[one.evaluation, one.nrmse, one.best, one.step] for one in points],
         "nodes": [_node(steps, number, known) for number in sorted(shown)],
     }
