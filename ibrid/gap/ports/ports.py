@@ -1,16 +1,15 @@
-"""Ports of a diagram: the places at which one unknown transfer may join it, each as an edited
-diagram.
+"""Ports of a diagram: where one unknown transfer function may be added, each as an edited diagram.
 
-In series, a block 1 + Delta lies in a signal; a missing path is such a block beside -1, so that
-Delta alone is added. What a transfer adds to the current reference it can add to the command,
-behind the current regulator, and a block for the current loop alone adds to the command what a path
-from that current does: such twins come once.
+In series, a block 1 + Delta is inserted into a signal; a missing path is such a block in parallel
+with -1, so that Delta alone is added. Equivalent ports are listed once: what is added to the
+current reference can be added to the command, behind the current regulator, and a block in the
+current of the current loop alone adds to the command what a path from that current does.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
-from ibrid.gap.ports.port_kinds import PORT_KINDS, QUARTER_TURN, unknown
+from ibrid.gap.ports.port_kinds import PORT_KINDS, QUARTER_TURN, unknown_kind
 from ibrid.modules.behaviour import Element
 from ibrid.modules.vocabulary import Vocabulary
 from ibrid.parts.editing.edit import Edit, NotInVocabulary
@@ -32,14 +31,23 @@ from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE,
 
 @dataclass(frozen=True)
 class Port:
-    """A place for one unknown transfer.
+    """A place in a diagram for one unknown transfer function.
 
-    `name` : of the place, in names of the user's program. `words` : what an engineer calls it.
-    `diagram` : the given one with the block in it, of the kinds given and `PORT_KINDS`; its free
-    parameters are those of the given one, and at Delta = 0 it is that, or where the port stands in
-    place of a regulator, that without the regulator's output.
-    `block` : name of the module. `series` : True where it lies in a signal, whose whole transfer is
-    1 + Delta; False for a path of its own, Delta.
+    Parameters
+    ----------
+    name : str
+        Of the place, in names of the user's program.
+    words : str
+        What an engineer calls it.
+    diagram : Diagram
+        The given one with the block in it, of the given kinds and `PORT_KINDS`. Its free parameters
+        are those of the given one, and with Delta = 0 it is equivalent to that, or, where the port
+        replaces a regulator, to that without the regulator's output.
+    block : str
+        Name of the block.
+    series : bool
+        True in a signal, where the transfer function is 1 + Delta; False for a path of its own,
+        where it is Delta.
     """
 
     name: str
@@ -50,8 +58,9 @@ class Port:
 
 
 def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
-    """Every port that a legal diagram has, device by device, each with a legal diagram; () where no
-    plant has a command.
+    """List the ports of a legal diagram, device by device, each with a legal diagram.
+
+    () where no plant has a voltage command.
 
     Places at which an unknown transfer says exactly the same come once, but for those that an
     engineer tells apart.
@@ -62,24 +71,32 @@ def ports(diagram: Diagram, kinds: Vocabulary) -> tuple[Port, ...]:
 
 
 def _ports_of(view: View) -> list[Port]:
-    legal = []
+    """Return the ports of one device, those in series first."""
+    legal: list[Port] = []
     in_series = tuple(list_series_locations(view))
-    for place in (*in_series, *list_parallel_locations(view)):
+    for location in (*in_series, *list_parallel_locations(view)):
         try:
-            drawn = view.drawn(place.edit)
+            drawn = view.drawn(location.edit)
         except NotInVocabulary:
             continue
-        if not violations(drawn.diagram, view.kinds):
-            legal.append(
-                Port(place.name, place.words, drawn.diagram, drawn.result, place in in_series)
-            )
+        if violations(drawn.diagram, view.kinds):
+            continue
+        is_series = location in in_series
+        port = Port(location.name, location.words, drawn.diagram, drawn.result, is_series)
+        legal.append(port)
     return legal
 
 
 @dataclass(frozen=True)
 class PortLocation:
-    """`name`, `words` : for programs and for people. `edit` : puts the block in and returns its
-    name.
+    """Where a port may be added.
+
+    Parameters
+    ----------
+    name, words : str
+        As of `Port`.
+    edit : callable
+        Inserts the block into a draft and returns its name.
     """
 
     name: str
@@ -92,19 +109,20 @@ class PortLocation:
 
 
 def list_series_locations(view: View) -> Iterator[PortLocation]:
-    """Signals of the controller, from the command back to what is measured."""
-    roles, draft = view.roles, view.draft
+    """Yield the signals of the controller, from the command back to what is measured."""
+    roles = view.roles
+    draft = view.draft
     yield PortLocation(
         roles.command,
         "the whole voltage command",
-        lambda draft: draft.insert_before(roles.command, unknown(Signal.DQ_VEC), "port"),
+        lambda draft: draft.insert_before(roles.command, unknown_kind(Signal.DQ_VEC), "port"),
     )
     for pll in draft.having(Element.PLL):
         yield PortLocation(
             f"{pll}.e_q",
             "the input of the PLL",
             lambda draft, pll=pll: draft.insert_before(
-                f"{pll}.e_q", unknown(Signal.SCALAR), "port"
+                f"{pll}.e_q", unknown_kind(Signal.SCALAR), "port"
             ),
         )
     for block in roles.power:
@@ -139,14 +157,14 @@ def list_series_locations(view: View) -> Iterator[PortLocation]:
 
 
 def _insert_behind(source: str, targets: Iterable[str] = ()) -> Callable[[Edit], str]:
-    """A block behind an output, for all that takes it or for some inputs."""
+    """Insert a block behind an output, for all its targets or for some."""
     return lambda draft: draft.insert(
-        source, targets or draft.targets(source), unknown(draft.signal(source)), "port"
+        source, targets or draft.targets(source), unknown_kind(draft.signal(source)), "port"
     )
 
 
 def _list_power_locations(view: View, block: str) -> Iterator[PortLocation]:
-    """One block for p and q, or for that of them which the model uses."""
+    """Yield one block for p and q, or for the one of them that the model uses."""
     used = {axis: f"{block}.{axis}" for axis in "pq" if view.draft.targets(f"{block}.{axis}")}
     if len(used) < 2:
         yield from (
@@ -156,10 +174,8 @@ def _list_power_locations(view: View, block: str) -> Iterator[PortLocation]:
         return
 
     def edit(draft: Edit) -> str:
-        pair, name = (
-            draft.add(draft.usual(Element.PACK), "port_pair"),
-            draft.add(unknown(Signal.DQ_VEC), "port"),
-        )
+        pair = draft.add(draft.usual(Element.PACK), "port_pair")
+        name = draft.add(unknown_kind(Signal.DQ_VEC), "port")
         draft.connect(f"{pair}.out", f"{name}.in_")
         for axis, element, entry in (
             ("p", Element.SLICE_D, "in_d"),
@@ -178,11 +194,14 @@ def _list_power_locations(view: View, block: str) -> Iterator[PortLocation]:
 
 
 def list_parallel_locations(view: View) -> Iterator[PortLocation]:
-    """From measured voltages and currents to the command and the current reference, to the axes of
-    that, and at the PCC.
+    """Yield missing paths from measured voltages and currents.
+
+    To the voltage command and the current reference, to the axes of that, and shunts at the PCC.
     """
-    roles, draft = view.roles, view.draft
-    plant, command = roles.plant, (roles.command, [command_entry(draft, view)])
+    roles = view.roles
+    draft = view.draft
+    plant = roles.plant
+    command = (roles.command, [command_entry(draft, view)])
     reference = (roles.reference, [roles.reference]) if roles.current_loop else command
     measured = measured_current(view) if roles.current_loop else None
     outputs = draft.kind(plant).outputs
@@ -227,7 +246,7 @@ def list_parallel_locations(view: View) -> Iterator[PortLocation]:
 def _parallel_location(
     source: str, joined: str, targets: Iterable[str], words: str, *, turned: bool = False
 ) -> PortLocation:
-    """Delta times a source, or J times that, added to inputs."""
+    """Add Delta times a source, or J times that, to inputs."""
     if not turned:
         return PortLocation(
             f"{source} -> {joined}", words, _insert_parallel(lambda draft: source, targets)
@@ -239,8 +258,9 @@ def _parallel_location(
 
 
 def _list_axis_locations(view: View) -> Iterator[PortLocation]:
-    """To one axis of the current reference: from what may regulate it, in place of what does if
-    that is something else.
+    """Yield paths to one axis of the current reference, from quantities that may regulate it.
+
+    In place of the regulator that is there, where that regulates another quantity.
     """
     roles = view.roles
 
@@ -291,18 +311,21 @@ def _list_axis_locations(view: View) -> Iterator[PortLocation]:
 def _insert_parallel(
     start: Callable[[Edit], str], targets: Iterable[str], *, instead: str | None = None
 ) -> Callable[[Edit], str]:
-    """Delta times what `start` finds or makes, added to inputs: 1 + Delta of it beside -1 of it.
+    """Return an edit that adds Delta times a signal to inputs: 1 + Delta in parallel with -1.
 
-    instead : a scalar module whose output counts no more, while its parameters stay.
+    Parameters
+    ----------
+    start : callable
+        Finds or makes the signal in a draft.
+    instead : str or None
+        A scalar module whose output is multiplied by 0; its parameters stay.
     """
 
     def edit(draft: Edit) -> str:
         source = start(draft)
         signal = draft.signal(source)
-        name, minus = (
-            draft.add(unknown(signal), "port"),
-            draft.add(draft.usual(Element.SIGN, signal), "port_minus"),
-        )
+        name = draft.add(unknown_kind(signal), "port")
+        minus = draft.add(draft.usual(Element.SIGN, signal), "port_minus")
         for block in (name, minus):
             draft.connect(source, f"{block}.in_")
             draft.connect(f"{block}.out", *targets)

@@ -6,7 +6,7 @@ from ibrid.gap.recordings.successive_halving import HalvingRung
 
 
 @dataclass(frozen=True)
-class ScreeningSettings:
+class EventScreeningSettings:
     """Numbers of the successive halving over missing limits and over edits of the program.
 
     Counts unless stated otherwise. Factors and parts are ratios of costs (chi2 plus prior penalty).
@@ -77,4 +77,4 @@ class ScreeningSettings:
     clear_gain: float = 0.5
 
 
-SCREENING = ScreeningSettings()
+SCREENING = EventScreeningSettings()
