@@ -64,8 +64,10 @@ class Budget:
     @contextmanager
     def without_counting(self) -> Iterator[None]:
         """Do not count experiments inside: those of intermediate results depend on the clock."""
-        made, stopped = self.made, self.stopped
+        made = self.made
+        stopped = self.stopped
         try:
             yield
         finally:
-            self.made, self.stopped = made, stopped
+            self.made = made
+            self.stopped = stopped

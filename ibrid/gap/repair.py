@@ -153,7 +153,7 @@ def screen_edits(state: RepairState, model: Model, *, near: bool = False) -> lis
     for edit in edits:
         if state.dataset.budget.is_exhausted():
             break
-        description = f"a glance at {edit.effect}: {edit.change} {edit.where}"
+        description = f"screening {edit.effect}: {edit.change} {edit.where}"
         state.progress(0, len(edits), description)
         screened.append(state.dataset.screen_edit(model, edit, near=near))
     return rank_by_bic((fit for fit in screened if fit is not None), state.scale)
@@ -241,7 +241,7 @@ def _select_explaining(state: RepairState, models: list[Model]) -> Model | None:
 
     An unknown noise is estimated from these models, too.
     """
-    ranked = rank_by_bic((one for one in models if state.dataset.is_stable(one)), state.scale)
+    ranked = rank_by_bic((model for model in models if state.dataset.is_stable(model)), state.scale)
     state.tests += len(models)
     noise = state.dataset.noise
     scale = state.scale
@@ -308,7 +308,7 @@ def _find_better_rival(state: RepairState, best: Model, rivals: list[list[Model]
         return None
     limit = best.bic(state.scale) - EQUALLY_GOOD.bic
     competitors = [rival for rivals_of_edit in rivals for rival in rivals_of_edit]
-    better = [one for one in competitors if one.bic(state.scale) < limit]
+    better = [rival for rival in competitors if rival.bic(state.scale) < limit]
     stable = [rival for rival in better if state.dataset.is_stable(rival)]
     return next(iter(rank_by_bic(stable, state.scale)), None)
 
@@ -510,7 +510,7 @@ def _select_distinct(models: list[Model], number: int) -> list[Model]:
 def _residual_distance(first: Model, second: Model) -> float:
     """Return sum |e_1 - e_2|^2 of the whitened residuals of two models."""
     pairs = zip(first.refit.residuals, second.refit.residuals, strict=True)
-    return sum((np.abs(one - other) ** 2).sum() for one, other in pairs)
+    return sum((np.abs(residual - other) ** 2).sum() for residual, other in pairs)
 
 
 def _first_effect(model: Model) -> str:

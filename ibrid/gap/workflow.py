@@ -1,6 +1,4 @@
-"""find_gap(model, sweep): refit, locate, repair, name and validate; no verdict beyond what the data
-support.
-"""
+"""The gap workflow: refit the model, locate the misfit, repair, name what is missing, validate."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -63,9 +61,9 @@ from ibrid.structure.reading.wiring import wire
 from ibrid.study import Study, StudyOptions
 from ibrid.telling import Tell, telling
 
-#: Searches at most where the noise is not known, each with the residual of the one before as noise.
-PASSES = 3
-#: Frequencies that each operating point must keep for a small-signal answer of several amplitudes.
+#: Searches at most where the noise is unknown, each with the residual of the one before as noise.
+MOST_SEARCHES = 3
+#: Frequencies that each operating point must keep for a small-signal model of several amplitudes.
 FEWEST = 4
 
 
@@ -105,10 +103,10 @@ def find_gap(
         "plain", "notebook", "silent"; or a function of (words, share).
     effort : str
         "low", "normal" or "high": experiments after which nothing new is tried
-        (`ibrid.gap.budget.EXPERIMENTS`). The answer is then the best so far, `complete` is
+        (`ibrid.gap.budget.EXPERIMENTS`). The result is then the best so far, `complete` is
         False, and it excludes nothing.
     so_far : Callable
-        Is given the answer so far every 10 s.
+        Is given the intermediate result every 10 s.
     events : Events
         Event records, fitted together with the sweep, or alone where that is None. Limits and
         protections are sought, too, and `holdout_op` may name records.
@@ -168,25 +166,28 @@ def _find_event_gap(
 ) -> Gap:
     """Find the gap in event records, alone or with a sweep.
 
-    Records that a program of fixed steps may have made are read as such where that leaves clearly
-    less, of the given model or of its best trial.
+    Records that a program of fixed time steps may have made are read as such where that leaves a
+    clearly smaller residual of the given model or of its best trial.
     """
     kernel.load()
     budget = Budget(effort)
     with telling(progress) as tell:
         reporter = ProgressReporter(tell, so_far)
-        problem, data = _read_records(event_problem, catalogue, reporter, budget)
+        problem, data = _build_event_dataset(event_problem, catalogue, reporter, budget)
         given = _fit_given(problem, data)
         first_trials = None
         stepped = event_problem.in_fixed_steps
         if given is not None and stepped is not None:
-            stepped_problem, stepped_data = _read_records(stepped, catalogue, reporter, budget)
+            stepped_problem, stepped_data = _build_event_dataset(
+                stepped, catalogue, reporter, budget
+            )
             is_stepped, (given,) = stepped_data.explains_better_than([given], data)
             if not is_stepped:
                 first_trials = _rank_first_trials(problem, data, given)
                 is_stepped, _ = stepped_data.explains_better_than(first_trials.leading, data)
             if is_stepped:
-                problem, data = stepped_problem, stepped_data
+                problem = stepped_problem
+                data = stepped_data
                 given = _fit_given(problem, data)
                 first_trials = None
         if given is None:
@@ -223,13 +224,13 @@ def _verify_sampling_noise(
     return _validate(state, given, rivals, *eliminate_backward(state, given, best, rivals))
 
 
-def _read_records(
+def _build_event_dataset(
     event_problem: EventProblem,
     catalogue: tuple[Effect, ...],
     progress: ProgressReporter,
     budget: Budget,
 ) -> tuple["_GapProblem", EventDataset]:
-    """Return the problem of event records, and these as a dataset."""
+    """Return the problem of recordings as one of the workflow, and its dataset."""
     prior = event_problem.prior()
     problem = _GapProblem(
         diagram=event_problem.diagram,
@@ -431,7 +432,7 @@ def _find_with_noise(problem: _GapProblem, noise: Noise) -> tuple[Findings, Swee
     """
     dataset = problem.sweep_dataset(noise)
     findings = _find_in_dataset(problem, problem.diagram, dataset, ())
-    for _ in range(PASSES - 1):
+    for _ in range(MOST_SEARCHES - 1):
         is_spent = problem.budget.is_exhausted()
         if findings is None or not findings.noise_disagrees or is_spent:
             break

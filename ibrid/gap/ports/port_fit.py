@@ -222,15 +222,15 @@ def eliminate_transfer(
     Begins at g = 1, at the g before, and at the estimate that is exact for data without noise: w
     from Y - Y_u, the z that belongs to it, and g between them.
     """
-    ones = np.ones(len(opened.y_u), dtype=complex)
+    unity = np.ones(len(opened.y_u), dtype=complex)
     signal = problem.data - opened.y_u
     z = opened.z_u + opened.z_w @ (np.linalg.pinv(opened.y_w) @ signal)
     driven = _flatten_entries(problem.weight * (opened.y_w @ z))
     wanted = _flatten_entries(problem.weight * signal)
-    prior_weight = problem.prior_weight(ones)
+    prior_weight = problem.prior_weight(unity)
     correlation = (driven.conj() * wanted).sum(axis=-1)
     estimate = (correlation + prior_weight) / (squared_norm(driven) + prior_weight)
-    starts = [ones, estimate]
+    starts = [unity, estimate]
     if before is not None:
         starts.append(before)
     g, cost = iterate_transfer(opened, problem, np.stack(starts))

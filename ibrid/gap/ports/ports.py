@@ -270,10 +270,11 @@ def _list_axis_locations(view: View) -> Iterator[PortLocation]:
         draft.connect(roles.current, f"{name}.i")
         return f"{name}.p"
 
-    def size(draft: Edit) -> str:
+    def voltage_magnitude(draft: Edit) -> str:
         return draft.after(roles.voltage, draft.usual(Element.MAGNITUDE), "port_size")
 
-    power, voltage = f"power at {roles.command}", f"|{roles.voltage}|"
+    power = f"power at {roles.command}"
+    voltage = f"|{roles.voltage}|"
     quantities = {
         "in_d": {
             "p": ("p", lambda draft: f"{power_block(draft, view)}.p"),
@@ -281,30 +282,31 @@ def _list_axis_locations(view: View) -> Iterator[PortLocation]:
         },
         "in_q": {
             "q": ("q", lambda draft: f"{power_block(draft, view)}.q"),
-            "voltage": (voltage, size),
+            "voltage": (voltage, voltage_magnitude),
         },
     }
     for pack in packs(view):
         for axis, by_name in quantities.items():
-            target, outer = f"{pack}.{axis}", regulator(view, axis)
-            present = regulates(view, outer)
-            for what, (name, start) in by_name.items():
+            target = f"{pack}.{axis}"
+            outer = regulator(view, axis)
+            regulated = regulates(view, outer)
+            for quantity, (name, start) in by_name.items():
                 words = f"a path from {name} to the {axis[-1]} axis of the current reference"
-                if present is None and outer is None:
+                if regulated is None and outer is None:
                     yield PortLocation(
                         f"{name} -> {target}", words, _insert_parallel(start, [target])
                     )
-                elif present != what:
+                elif regulated != quantity:
                     instead = f" in place of {outer}"
                     yield PortLocation(
                         f"{name} -> {target}{instead}",
                         words + instead,
                         _insert_parallel(start, [target], instead=outer),
                     )
-            if present == "q":
+            if regulated == "q":
                 words = f"a path from {voltage} to the q axis of the current reference"
                 yield PortLocation(
-                    f"{voltage} -> {target}", words, _insert_parallel(size, [target])
+                    f"{voltage} -> {target}", words, _insert_parallel(voltage_magnitude, [target])
                 )
 
 

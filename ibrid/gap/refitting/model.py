@@ -1,7 +1,7 @@
-"""A model under repair, and how it is judged.
+"""A fitted model with its edits, and the statistical tests that judge it.
 
-A diagram, how the data are read, and what its fit to any kind of data ends in; whether it fits as
-well as the noise allows, and whether an edit of it pays.
+Whether it fits as well as the noise allows (chi2 test and whiteness of the residual), and whether
+an edit is significant (likelihood ratio and information criterion).
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -65,13 +65,14 @@ class FitResult:
         return inf
 
     def p_value(self, scale: float = 1.0) -> float:
-        """Probability of so large a misfit by noise alone, its standard deviation `scale` times
-        what was stated.
+        """Return the probability of a larger chi2 by noise alone.
+
+        scale : factor on the standard deviation of the noise.
         """
         return p_value(self.chi2 / scale**2, self.dof, self.noise_dof)
 
     def is_adequate(self, scale: float = 1.0) -> bool:
-        """True when it fits as well as the noise allows, or too nearly so to matter."""
+        """Whether it fits as well as the noise allows, or so nearly that it does not matter."""
         return is_adequate(self.chi2 / scale**2, self.dof, self.noise_dof)
 
 
@@ -79,15 +80,22 @@ Fit = TypeVar("Fit", bound=FitResult)
 
 
 def is_delay_form(edit: Insertion | Convention) -> TypeGuard[Insertion]:
-    """True for an edit that says in which form the device has something, which is no effect."""
+    """Whether an edit only changes the form of what is there, such as Pade for a delay."""
     return isinstance(edit, Insertion) and edit.form
 
 
 @dataclass(frozen=True, eq=False)
 class Model(Generic[Fit]):
-    """A diagram, how the data are read, and its best refit.
+    """A diagram, the convention in which the data are read, and its best fit.
 
-    `edits` : what led to it, in order. `extra` : free numbers of the convention.
+    Parameters
+    ----------
+    refit : FitResult
+        Of the diagram.
+    edits : tuple of Insertion or Convention
+        What led to it from the given model, in order.
+    extra : int
+        Free parameters of the convention.
     """
 
     diagram: Diagram
@@ -98,71 +106,74 @@ class Model(Generic[Fit]):
 
     @property
     def parameter_count(self) -> int:
-        """Free numbers, those of the convention included."""
+        """Free parameters, those of the convention included."""
         return self.refit.parameter_count + self.extra
 
     @property
     def effect_count(self) -> int:
-        """Number of edits, but for the form in which the device has its delays."""
+        """Number of edits, without forms of delays."""
         return sum(not is_delay_form(edit) for edit in self.edits)
 
     def bic(self, scale: float = 1.0) -> float:
-        """chi2 and prior, with ln(n) for every free number; `scale` : of the noise.
+        """Return the Bayesian information criterion: cost + ln(n) for every free parameter.
 
-        Rounded, so that exact twins, such as p and q on another scale and another base, stay in the
-        order in which they were tried, on every machine.
+        Rounded, so that equivalent models, such as p and q on another scale and another base, stay
+        in the order in which they were tried, on every machine.
+
+        scale : factor on the standard deviation of the noise.
         """
         return round(self.cost(scale) + self.parameter_count * log(self.refit.measurement_count), 6)
 
     def cost(self, scale: float = 1.0) -> float:
-        """chi2 and prior."""
+        """Return chi2 plus prior penalty, with the noise scaled."""
         return self.refit.chi2 / scale**2 + self.refit.penalty
 
     def is_adequate(self, scale: float = 1.0) -> bool:
-        """True when it fits as well as the noise allows."""
+        """Whether it fits as well as the noise allows."""
         return self.refit.is_adequate(scale)
 
 
 def rank_by_bic(models: Iterable[Model], scale: float) -> list[Model]:
-    """Models by the information criterion; those that are alike in it stay as they come."""
-    return sorted(models, key=lambda one: one.bic(scale))
+    """Rank models by the information criterion, lowest first; equal ones stay in their order."""
+    return sorted(models, key=lambda model: model.bic(scale))
 
 
-# --- does it fit as well as the noise allows?
+# --- adequacy
 # ----------------------------------------------------------------------------------------------
 
 
 def estimate_noise_scale(
     noise: Noise, models: Sequence[Model], others: Iterable[float] = ()
 ) -> float:
-    """Factor on the standard deviation of the noise: 1 where it is known; else from the best fit
-    found, so large at least that the noise is not below `LEAST_UNKNOWN`. others : chi2 per degree
-    of freedom of what else was fitted, such as ports.
+    """Estimate the factor on the standard deviation of the noise from the best fit.
 
-    The best of many fits is better by chance: the first model counts that misses the least chi2 per
-    degree of freedom by no more than `SELECTION_MARGIN` of its standard deviations, sqrt(2 / dof).
+    1 where the noise is known. The best of many fits is better by chance: the first model counts
+    whose chi2 per degree of freedom is within `SELECTION_MARGIN` standard deviations of the least,
+    sqrt(2 / dof) each. The noise is not estimated below `LEAST_UNKNOWN`.
+
+    others : chi2 per degree of freedom of other fits, such as ports.
     """
     if noise.known:
         return 1.0
-    per_dof = [one.refit.chi2 / one.refit.dof for one in models]
+    per_dof = [model.refit.chi2 / model.refit.dof for model in models]
     least = min([*per_dof, *others], default=1.0)
-    pairs = zip(models, per_dof, strict=True)
-    as_good = (
-        value
-        for one, value in pairs
-        if value <= least * (1.0 + SELECTION_MARGIN * np.sqrt(2.0 / one.refit.dof))
-    )
-    return max(float(np.sqrt(next(as_good, least))), LEAST_UNKNOWN / noise.level)
+    estimate = least
+    for model, value in zip(models, per_dof, strict=True):
+        if value <= least * (1.0 + SELECTION_MARGIN * np.sqrt(2.0 / model.refit.dof)):
+            estimate = value
+            break
+    return max(float(np.sqrt(estimate)), LEAST_UNKNOWN / noise.level)
 
 
 def has_white_residual(model: Model) -> bool:
-    """True when what a model leaves over has no more structure than noise."""
+    """Whether the residual of a model is white."""
     return bool(abs(whiteness_score(model.refit.residuals)) < WHITENESS_LIMIT)
 
 
 def explains_data(model: Model, noise: Noise, scale: float) -> bool:
-    """True when a model fits as well as the noise allows; with a noise that was estimated from
-    fits, only where what is left over is white as well.
+    """Whether a model fits as well as the noise allows.
+
+    With a noise that was estimated from fits, the residual must be white, too.
     """
     if not model.is_adequate(scale):
         return False
@@ -171,8 +182,7 @@ def explains_data(model: Model, noise: Noise, scale: float) -> bool:
 
 
 def whiteness_score(residuals: Iterable[np.ndarray]) -> float:
-    """How much neighbouring residuals, (K, 2, 2) each, resemble each other, in standard deviations:
-    beyond 4 it is no noise.
+    """Return the correlation of neighbouring residuals (K, 2, 2), in standard deviations.
 
     Law: r = Re sum conj(e_k) e_k+1 / sum |e|^2 over all entries and points; r sqrt(2 n) is standard
     normal for white noise.
@@ -185,30 +195,29 @@ def whiteness_score(residuals: Iterable[np.ndarray]) -> float:
     return top / bottom * np.sqrt(2.0 * count) if bottom > 0 else 0.0
 
 
-# --- does an edit pay?
+# --- significance
 # ----------------------------------------------------------------------------------------------
 
 
 def significance_threshold(extra: int, tests: int) -> float:
-    """Gain of chi2 that so many further free numbers must bring in one of so many tests."""
+    """Return the gain of chi2 that `extra` free parameters must bring in one of so many tests."""
     return float(chdtri(max(extra, 1), FALSE_ALARM_RATE / max(tests, 1)))
 
 
 def removes_implausible_parameter(before: Model, after: Model) -> bool:
-    """True when a number that an edit takes away was driven beyond `FAR` of its tolerance."""
-    kept = {one.name for one in after.refit.problem.numbers}
+    """Whether a parameter that an edit removes was beyond `FAR` tolerances from nominal."""
+    kept = {number.name for number in after.refit.problem.numbers}
     return any(abs(sigmas) > FAR for name, sigmas in before.refit.moved.items() if name not in kept)
 
 
 def is_significant(before: Model, after: Model, tests: int, scale: float) -> bool:
-    """True when an edit pays: the likelihood ratio for added numbers, the information criterion
-    where none is added.
+    """Whether an edit is significant, as one of so many tests.
+
+    By the likelihood ratio where it adds parameters, else by the information criterion.
     """
     extra = after.parameter_count - before.parameter_count
     gain = before.cost(scale) - after.cost(scale)
-    if np.isfinite(
-        after.refit.noise_dof
-    ):  # what is left may be noise that is larger than it was told to be
+    if np.isfinite(after.refit.noise_dof):  # the residual may be noise larger than estimated
         gain /= max(after.refit.chi2 / scale**2 / after.refit.dof, 1.0)
     if extra > 0:
         return gain > significance_threshold(extra, tests)
@@ -218,6 +227,7 @@ def is_significant(before: Model, after: Model, tests: int, scale: float) -> boo
 
 
 def explains_nearly_all(before: Model, after: Model, scale: float = 1.0) -> bool:
-    """True when an edit takes nearly all of the squared misfit away, whatever else is left."""
-    chi2, left = (one.refit.chi2 / scale**2 for one in (before, after))
-    return share_explained(chi2, left, after.refit.dof) >= NEARLY_ALL
+    """Whether an edit removes nearly all of the squared misfit, whatever else is left."""
+    chi2_before = before.refit.chi2 / scale**2
+    chi2_after = after.refit.chi2 / scale**2
+    return share_explained(chi2_before, chi2_after, after.refit.dof) >= NEARLY_ALL

@@ -20,17 +20,17 @@ from ibrid.structure.reading.parameters import Parameter, ParameterTable
 from ibrid.structure.reading.wiring import PLANT, Wiring
 
 #: One standard deviation of the logarithm: of plant parameters, and of all others.
-PLANT_TOLERANCE, OTHER_TOLERANCE = 0.25, log(2.0)
+PLANT_TOLERANCE = 0.25
+OTHER_TOLERANCE = log(2.0)
 #: The same for a value that is zero or negative, absolute, at least: of a large one, such as a
 #: droop of -16 rad/s, it is the tolerance above times its size.
 ABSOLUTE_TOLERANCE = 0.25
 #: Standard deviations of its tolerance beyond which a parameter is said to have moved.
 FAR = 3.0
-#: Of its nominal value, where the scale of a parameter that may change its sign turns from ratios
-#: to differences.
+#: Part of its nominal value at which the scale of a parameter that may change its sign passes from
+#: logarithmic to linear.
 RATIO_LIMIT = 0.05
-#: So many times beyond the end of its box a nominal value is a wrong belief, and held at the end;
-#: more is a wrong unit.
+#: Factor beyond its bounds up to which a nominal value is set to the bound; more is a wrong unit.
 UNIT_ERROR_FACTOR = 10.0
 
 
@@ -71,7 +71,7 @@ class ParameterPrior:
     """
 
     def __init__(self, parameters: Sequence[Parameter], prior: Prior) -> None:
-        self.names = [one.name for one in parameters]
+        self.names = [parameter.name for parameter in parameters]
         self.coordinates = Coordinates(parameters)
         known = np.zeros(len(parameters), dtype=bool)
         nominal = np.array([parameter.typical for parameter in parameters], dtype=float)
@@ -128,6 +128,7 @@ class ParameterPrior:
         return self._deviation_slope_in_x(self.coordinates.to_theta(x))
 
     def _deviation_slope_in_x(self, theta: np.ndarray) -> np.ndarray:
+        """Return d deviation / dx (..., P) at theta (..., P)."""
         return self.slope(theta) * self.coordinates.slope(theta)
 
     def penalty_terms(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -136,8 +137,9 @@ class ParameterPrior:
         The penalty (...) is the sum of the squared deviations; the others are (..., P).
         """
         theta = self.coordinates.to_theta(x)
-        away, slope = self.deviations(theta), self._deviation_slope_in_x(theta)
-        return (away**2).sum(axis=-1), away * slope, slope**2
+        deviations = self.deviations(theta)
+        slope = self._deviation_slope_in_x(theta)
+        return (deviations**2).sum(axis=-1), deviations * slope, slope**2
 
     def width(self, x: np.ndarray, unknown: float = DECADE) -> np.ndarray:
         """Return one standard deviation in x (P,) at x (P,); `unknown` without a nominal value."""
@@ -160,42 +162,69 @@ def build_prior(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[
         Unknown names, numbers that are none, values outside the bounds of their parameter, and
         different values of members that share a parameter.
     """
-    free = {one.name: one for one in table.free}
-    owner = {f"{module}.{key}": one.name for one in table.free for module, key in one.members} | {
-        name: name for name in free
-    }
-    every = {
+    free = {parameter.name: parameter for parameter in table.free}
+    owner = _owner_by_name(table)
+    known_names = {
         f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters
     } | set(owner)
     prior: dict[str, NominalValue] = {}
-    said: dict[str, tuple[str, float, float | None]] = {}
-    for name, entry in values.items():
-        if name not in every:
+    entries: dict[str, _Entry] = {}
+    for name, given in values.items():
+        if name not in known_names:
             raise IbridError(
                 f"the nominal values name {name!r}, which the program lacks; "
-                f"{near(name, sorted(every))}"
+                f"{near(name, sorted(known_names))}"
             )
         if name not in owner:
             continue
         parameter = free[owner[name]]
-        value, tolerance = read_nominal_value(name, entry, parameter)
-        if parameter.name in said:
-            other, held, spread = said[parameter.name]
-            if held != value or (None not in (spread, tolerance) and spread != tolerance):
-                raise IbridError(
-                    f"{other} and {name} are one parameter of the program, {parameter.name}, but "
-                    "their nominal values are "
-                    f"{_shown(held, spread)} and {_shown(value, tolerance)}; give one of them, or "
-                    "the same for both"
-                )
-            tolerance = spread if tolerance is None else tolerance
-        said[parameter.name] = name, value, tolerance
+        entry = _Entry(name, *read_nominal_value(name, given, parameter))
+        if parameter.name in entries:
+            entry = _join_entries(entries[parameter.name], entry, parameter.name)
+        entries[parameter.name] = entry
+        tolerance = entry.tolerance
         if tolerance is None:
-            kinds = {wiring.kinds[module].family for module, _ in parameter.members}
-            tolerance = PLANT_TOLERANCE if kinds == {PLANT} else OTHER_TOLERANCE
-            tolerance = tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
-        prior[parameter.name] = NominalValue(value, tolerance)
+            tolerance = _usual_tolerance(parameter, entry.value, wiring)
+        prior[parameter.name] = NominalValue(entry.value, tolerance)
     return prior
+
+
+@dataclass(frozen=True)
+class _Entry:
+    """A nominal value as given: name, value, and tolerance if any."""
+
+    name: str
+    value: float
+    tolerance: float | None
+
+
+def _owner_by_name(table: ParameterTable) -> dict[str, str]:
+    """Return the free parameter that each name means: its own, or of a member that shares it."""
+    owner: dict[str, str] = {}
+    for parameter in table.free:
+        owner |= {f"{module}.{key}": parameter.name for module, key in parameter.members}
+    return owner | {parameter.name: parameter.name for parameter in table.free}
+
+
+def _join_entries(first: _Entry, second: _Entry, parameter: str) -> _Entry:
+    """Join two entries of one parameter; IbridError where they differ."""
+    tolerances = {first.tolerance, second.tolerance} - {None}
+    if first.value != second.value or len(tolerances) > 1:
+        raise IbridError(
+            f"{first.name} and {second.name} are one parameter of the program, {parameter}, but "
+            "their nominal values are "
+            f"{_format_entry(first)} and {_format_entry(second)}; give one of them, or "
+            "the same for both"
+        )
+    tolerance = first.tolerance if second.tolerance is None else second.tolerance
+    return _Entry(second.name, second.value, tolerance)
+
+
+def _usual_tolerance(parameter: Parameter, value: float, wiring: Wiring) -> float:
+    """Return the tolerance of a nominal value that comes without one."""
+    families = {wiring.kinds[module].family for module, _ in parameter.members}
+    tolerance = PLANT_TOLERANCE if families == {PLANT} else OTHER_TOLERANCE
+    return tolerance if value > 0 else max(ABSOLUTE_TOLERANCE, -tolerance * value)
 
 
 def read_nominal_value(name: str, entry: Any, box: Parameter | Range) -> tuple[float, float | None]:
@@ -203,22 +232,25 @@ def read_nominal_value(name: str, entry: Any, box: Parameter | Range) -> tuple[f
 
     Raises IbridError for anything else.
     """
-    told = entry if isinstance(entry, Mapping) else {"value": entry}
-    value, tolerance = _number(name, "value", told.get("value")), told.get("tolerance")
-    spread = None if tolerance is None else _number(name, "tolerance", tolerance)
-    if spread is not None and spread <= 0:
+    fields = entry if isinstance(entry, Mapping) else {"value": entry}
+    value = _require_number(name, "value", fields.get("value"))
+    tolerance = None
+    if fields.get("tolerance") is not None:
+        tolerance = _require_number(name, "tolerance", fields["tolerance"])
+    if tolerance is not None and tolerance <= 0:
         raise IbridError(
-            f"the tolerance of {name} must be above zero, found {spread:g}; leave it out for a "
+            f"the tolerance of {name} must be above zero, found {tolerance:g}; leave it out for a "
             "usual one"
         )
-    if unknown := sorted(set(map(str, told)) - {"value", "tolerance"}):
+    unknown = sorted(set(map(str, fields)) - {"value", "tolerance"})
+    if unknown:
         raise IbridError(
             f"the nominal value of {name} has {', '.join(unknown)}; known are value and tolerance"
         )
     if box.logarithmic and value <= 0:
         raise IbridError(f"the nominal value of {name} must be above zero, found {value:g}")
     _require_inside(name, value, box)
-    return value, spread
+    return value, tolerance
 
 
 def fitted_values(record: Record) -> dict[str, float]:
@@ -266,15 +298,18 @@ def read_values(path: str | Path) -> dict[str, Any]:
     return values
 
 
-def _number(name: str, what: str, found: Any) -> float:
-    if (number := finite_number(found)) is None:
-        raise IbridError(f"the nominal {what} of {name} must be a number, found {found!r:.40}")
+def _require_number(name: str, what: str, value: Any) -> float:
+    """Return a finite number; IbridError for anything else."""
+    number = finite_number(value)
+    if number is None:
+        raise IbridError(f"the nominal {what} of {name} must be a number, found {value!r:.40}")
     return number
 
 
 def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
     """Raise IbridError for a nominal value far outside the bounds of its parameter."""
-    low, high = box.low, box.high
+    low = box.low
+    high = box.high
     lowest = low / UNIT_ERROR_FACTOR if low > 0 else UNIT_ERROR_FACTOR * low
     highest = high * UNIT_ERROR_FACTOR if high > 0 else high / UNIT_ERROR_FACTOR
     if not lowest <= value <= highest:
@@ -286,5 +321,8 @@ def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
         )
 
 
-def _shown(value: float, tolerance: float | None) -> str:
-    return f"{value:g}" if tolerance is None else f"{value:g} with a tolerance of {tolerance:g}"
+def _format_entry(entry: _Entry) -> str:
+    """Format a value and its tolerance for a message."""
+    if entry.tolerance is None:
+        return f"{entry.value:g}"
+    return f"{entry.value:g} with a tolerance of {entry.tolerance:g}"

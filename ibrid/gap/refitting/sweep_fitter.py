@@ -91,7 +91,7 @@ class SweepFit(FitResult):
         matrices = [
             problem.state_matrices(self.x[None], point)[0] for point in range(len(problem.points))
         ]
-        return [float(np.linalg.eigvals(one).real.max(initial=-np.inf)) for one in matrices]
+        return [float(np.linalg.eigvals(matrix).real.max(initial=-np.inf)) for matrix in matrices]
 
     @cached_property
     def responses(self) -> list[np.ndarray]:
@@ -165,9 +165,10 @@ class SweepFitter:
         return self._task(diagram).problem
 
     def _task(self, diagram: Diagram) -> FitTask:
-        """DiagramError where a diagram has no matrices."""
+        """Return the task of a diagram, built once; DiagramError where it has no matrices."""
 
-        def made() -> FitTask:
+        def build() -> FitTask:
+            """Build the fitting problem of the diagram."""
             physics = {
                 "equilibrium": "exact",
                 "power_node": self.sweep.power_node,
@@ -187,7 +188,7 @@ class SweepFitter:
                 Misfit(problem, "log", parameter_prior),
             )
 
-        return self._tasks.get_or_make(diagram, made)
+        return self._tasks.get_or_make(diagram, build)
 
     def fit(
         self, diagram: Diagram, starts: Sequence[Values], *, draws: int = 0, spread: float = 0.7

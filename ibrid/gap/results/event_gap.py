@@ -45,7 +45,8 @@ def build_event_gap(findings: Findings, data: EventDataset, problem: EventProble
     given, given_playback = _select_least_error(
         _list_given_models(findings.given, data, problem), data, problem
     )
-    model, playback = given, given_playback
+    model = given
+    playback = given_playback
     if verdict == "named":
         model = findings.best
         playback = simulate_events(model, data, problem.events)

@@ -10,7 +10,10 @@ from ibrid.own_files import remove_own, writing_as
 from ibrid.structure.comparison.compare import unified
 from ibrid.writing import inside, json_lines, plain, write_json, write_whole
 
-GAP, PROGRAM, RECORD, PAGE = "gap.json", "model.py", "model.json", "report.html"
+GAP = "gap.json"
+PROGRAM = "model.py"
+RECORD = "model.json"
+PAGE = "report.html"
 #: What a repair changed; there is none without a repair.
 DIFF = "model.diff"
 FILES = (PAGE, PROGRAM, DIFF, RECORD, GAP)
