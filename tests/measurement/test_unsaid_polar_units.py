@@ -130,3 +130,60 @@ def test_no_shipped_sweep_is_suspected_of_a_slip_and_inspect_says_those_that_are
     assert {name: said for name, one in sweeps.items() if (said := [*shifted_entries(one)])} == {}
     warnings = inspect(slipped(truth, ("qd", "qq"), 1)).warnings
     assert any("the row of iq" in sentence for sentence in warnings)
+
+
+def test_directions_that_are_said_are_compared_with_the_highest_frequencies(
+    truth, tmp_path, capsys
+):
+    point = truth.points[0]
+    turned = {
+        "q_axis": point.admittance.transpose(0, 2, 1),
+        "current": -point.admittance,
+    }
+    said = {}
+    for name, values in turned.items():
+        columns = [
+            part(values[(slice(None), *place)])
+            for place in ENTRIES.values()
+            for part in (np.real, np.imag)
+        ]
+        names = [f"Y{entry}_{part} [pu]" for entry in ENTRIES for part in ("re", "im")]
+        (tmp_path / "turned.csv").write_text(
+            rows_of(["f [Hz]", *names], [point.frequency, *columns])
+        )
+        assert imported([str(tmp_path / "turned.csv")], tmp_path / "out.csv") == 0
+        said[name] = capsys.readouterr().err
+    assert "q_axis: leads as said, while the highest frequencies show lags" in said["q_axis"]
+    assert "current: out as said, while the highest frequencies show in" in said["current"]
+
+
+def test_a_base_in_the_file_that_is_not_the_one_said_is_asked_for(truth, tmp_path, capsys):
+    point = truth.points[0]
+    columns = [
+        part(point.admittance[(slice(None), *place)])
+        for place in ENTRIES.values()
+        for part in (np.real, np.imag)
+    ]
+    names = [f"Y{entry}_{part} [pu]" for entry in ENTRIES for part in ("re", "im")]
+    text = rows_of(["f [Hz]", *names], [point.frequency, *columns])
+    (tmp_path / "scan.csv").write_text(f"# Sbase = 100 MVA, Vbase = 0.4 kV\n{text}")
+    assert imported([str(tmp_path / "scan.csv")], tmp_path / "out.csv") == 2
+    assert "--unit pu:100MVA,400V" in capsys.readouterr().err
+    assert (
+        imported([str(tmp_path / "scan.csv")], tmp_path / "out.csv", "--unit", "pu:10kVA,400V") == 0
+    )
+
+
+def test_indices_and_voltages_beside_the_parts_of_an_entry_are_left_out(truth, tmp_path):
+    """As electrochemical analysers write them."""
+    frequency, impedance = ohms(truth)
+    files = []
+    for entry, place in ENTRIES.items():
+        value = impedance[(slice(None), *place)]
+        number = np.arange(1.0, len(frequency) + 1)
+        columns = [number, frequency, np.abs(value), np.degrees(np.angle(value)), 0.3 * number]
+        names = ["Number", "Frequency/Hz", "Impedance/Ohm", "Phase/deg", "Time/s"]
+        files.append(tmp_path / f"cell_Z{entry}.txt")
+        files[-1].write_text(rows_of(names, columns, "\t"))
+    assert imported([str(path) for path in files], tmp_path / "out.csv") == 0
+    assert error_of(tmp_path / "out.csv", truth) < 1e-9

@@ -32,6 +32,7 @@ from ibrid.measurement.importing.column_words import (
     without_unit,
 )
 from ibrid.measurement.importing.doubts.fill_values import mind_fill_values
+from ibrid.measurement.importing.doubts.other_base import mind_other_base
 from ibrid.measurement.importing.doubts.polar_units import (
     Seen,
     ask_decibels,
@@ -574,6 +575,7 @@ def _unit(
         return "pu", 1.0
     if decibels == "likely":
         ask_decibels(sources, quantity.letter, account)
+    mind_other_base(table.where, told, account, per_unit=dimension == "per unit" and not said[3:])
     if dimension != "per unit":
         bases_of(told, account)
     return {"per unit": "pu", "admittance": "S", "impedance": "ohm"}[dimension], factor

@@ -40,6 +40,11 @@ _UNUSUAL = {
 }
 _UNSEEN = "the frequencies do not show it; d in most programs"
 _WHERE_UNSEEN = "where the frequencies do not show it"
+#: What makes a direction that is said look like the other one.
+_CAUSES = {
+    "current": ", as where all signs are turned",
+    "q_axis": ", as where the columns of Ydq and Yqd are exchanged, or one sign is turned",
+}
 #: What looks like a direction that the highest frequencies show.
 _TWINS = {"lags": ", unless the columns of Ydq and Yqd are exchanged, which looks alike there"}
 #: Nominal frequency where nobody says it yet, Hz: what is asked of the highest frequencies hardly
@@ -85,6 +90,13 @@ def directions_of(
             choices[key] = CHOICES[key][:1] if signs == {1} else CHOICES[key][1:]
             twin = _TWINS.get(choices[key][0], "")
             account.remark(f"{key}: {choices[key][0]}, as the highest frequencies show{twin}")
+        elif told.get(key) and signs in ({1}, {-1}):
+            shown = CHOICES[key][0] if signs == {1} else CHOICES[key][1]
+            if shown != choices[key][0]:
+                account.remark(
+                    f"{key}: {choices[key][0]} as said, while the highest frequencies show {shown}"
+                    f"{_CAUSES[key]}"
+                )
     readings = list(product(*choices.values()))
     if len(readings) > 1:
         noise = estimate(plain)

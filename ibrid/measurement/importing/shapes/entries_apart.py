@@ -1,7 +1,7 @@
 """The four entries of a matrix that stand apart, in rows or in files of their own, side by side."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,9 +9,18 @@ import numpy as np
 
 from ibrid.errors import SweepError, some
 from ibrid.measurement.importing.column_map import Source, parse_map_of_entry
-from ibrid.measurement.importing.column_words import Meaning, entry_named, meaning_of
+from ibrid.measurement.importing.column_words import (
+    Meaning,
+    entry_named,
+    letters_of,
+    meaning_of,
+    without_unit,
+)
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.shapes.long_tables import matrix_and_unit
+
+#: Words of a column that is the magnitude where a phase stands beside it.
+_WHOLE = {"impedance": "Z", "admittance": "Y", "z": "Z", "y": "Y"}
 
 
 def widened(table: ForeignTable) -> ForeignTable:
@@ -70,7 +79,7 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
     for table in tables:
         entry = entry_named(table.stem)
         mapped = parse_map_of_entry(maps, table.columns) if entry else None
-        table = _with_parts_named(table, *mapped) if mapped else table
+        table = _with_parts_named(table, *mapped) if mapped else _with_magnitude_named(table)
         generic = [
             name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")
         ]
@@ -99,7 +108,7 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
                         "others."
                     )
             letter = re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem)
-            for name in (name for name in table.columns if name not in grids):
+            for name in _of_the_entry(table, grids):
                 own = _entry_column(
                     entry, name, meaning_of(name), letter[1].upper() if letter else ""
                 )
@@ -119,6 +128,32 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
     return joined
 
 
+def _of_the_entry(table: ForeignTable, grids: Collection[str]) -> list[str]:
+    """Columns of a file with one entry that are its parts, or say the operating point; indices,
+    times and voltages beside them are of the measurement alone.
+    """
+    roles = {name: meaning_of(name).role for name in table.columns if name not in grids}
+    return [name for name, role in roles.items() if role]
+
+
+def _with_magnitude_named(table: ForeignTable) -> ForeignTable:
+    """The table whose column Impedance, or Admittance, beside a phase is called a magnitude."""
+    meanings = {name: meaning_of(name) for name in table.columns}
+    roles = {one.role for one in meanings.values()}
+    if "phase" not in roles or "mag" in roles:
+        return table
+    named = {}
+    for name, meaning in meanings.items():
+        word = letters_of(without_unit(name)[0])
+        if word in _WHOLE and not meaning.role:
+            unit = f" [{meaning.unit}]" if meaning.unit else ""
+            named[name] = f"{_WHOLE[word]}_mag{unit}"
+    if len(named) != 1:
+        return table
+    columns = {named.get(name, name): column for name, column in table.columns.items()}
+    return replace(table, columns=columns)
+
+
 def _with_parts_named(table: ForeignTable, letter: str, source: Source) -> ForeignTable:
     """The table whose two columns of an entry are called what they are said to be."""
     if not source.joined:
@@ -134,7 +169,11 @@ def _with_parts_named(table: ForeignTable, letter: str, source: Source) -> Forei
     for column, part, said in zip(source.columns, parts, units, strict=True):
         unit = said or meaning_of(column).unit
         named[column] = f"{letter}_{part} [{unit}]" if unit else f"{letter}_{part}"
-    columns = {named.get(name, name): column for name, column in table.columns.items()}
+    columns = {
+        named.get(name, name): column
+        for name, column in table.columns.items()
+        if name in named or meaning_of(name).role not in ("re", "im", "mag", "phase")
+    }
     return replace(table, columns=columns)
 
 
