@@ -213,6 +213,9 @@ def test_paper_gets_rules_of_its_own_and_what_is_folded(text):
     assert "@page{size:A4" in paper
     assert "details::details-content{content-visibility:visible" in paper
     assert "nav,.skip,.hint,.told,figure>button{display:none}" in paper
+    # what the buttons of a diagram wrote into its style does not cut it off on paper
+    whole = "svg.diagram{width:100%!important;min-width:0!important;max-width:100%!important}"
+    assert whole in paper
 
 
 # --- zoom
