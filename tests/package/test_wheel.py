@@ -19,9 +19,9 @@ ROOT = Path(__file__).resolve().parents[2]
 #: file that is opened (8,000), forms of files, arguments by name or path, what a measured model
 #: reads. Then 24,000: what names, numbers and words of foreign tables may mean (14,000), gap with
 #: one step a line (7,000). Then 2,000: further forms of files, residuals, the commands as a tool of
-#: agents, what a page is evidence of. Then 6,000: gap written out, a step a line. Then 16,000: pages
-#: (8,000: trials and several runs on the live page, impedances, what is not explained, references
-#: in diagrams), forms of files, generic models fitted to events.
+#: agents, what a page is evidence of. Then 6,000: gap written out, a step a line. Then 16,000:
+#: pages (8,000: trials and several runs on the live page, impedances, what is not explained,
+#: references in diagrams), forms of files, generic models fitted to events.
 NODES = 746_000
 #: What a script of the user's may be called without being in the way.
 SHADOW = "raise RuntimeError('a file of the user was imported in place of a package')\n"
