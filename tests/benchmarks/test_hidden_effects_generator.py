@@ -804,6 +804,7 @@ def test_the_generator_shares_no_code_with_assembly_fit_modules_and_gap():
                 "showing",
                 "hidden",
                 "hanging",
+                "just_in_time",
                 *border,
             )
             assert parts[1] in apart, f"{path.name} imports {name}"

@@ -42,7 +42,7 @@ def test_rows_of_a_table_that_names_its_points_are_no_names_of_signals(tmp_path:
     from ibrid.measurement import read_events
 
     looked = []
-    monkeypatch.setattr(read_events, "_has_channels", lambda cells: looked.append(cells))
+    monkeypatch.setattr(read_events, "_has_channels", lambda cells, **_: looked.append(cells))
     names = ["case", "f", *(f"Y{e}_{c}" for e in ("dd", "dq", "qd", "qq") for c in ("re", "im"))]
     rows = [
         f"op{k},{f:g}," + ",".join("-0.25" for _ in range(8))

@@ -168,7 +168,7 @@ def build_prior(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[
         f"{name}.{key}" for name, kind in wiring.kinds.items() for key in kind.parameters
     } | set(owner)
     prior: dict[str, NominalValue] = {}
-    entries: dict[str, _Entry] = {}
+    entries: dict[str, _PriorEntry] = {}
     for name, given in values.items():
         if name not in known_names:
             raise IbridError(
@@ -178,7 +178,7 @@ def build_prior(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[
         if name not in owner:
             continue
         parameter = free[owner[name]]
-        entry = _Entry(name, *read_nominal_value(name, given, parameter))
+        entry = _PriorEntry(name, *read_nominal_value(name, given, parameter))
         if parameter.name in entries:
             entry = _join_entries(entries[parameter.name], entry, parameter.name)
         entries[parameter.name] = entry
@@ -190,7 +190,7 @@ def build_prior(values: Nominal, wiring: Wiring, table: ParameterTable) -> dict[
 
 
 @dataclass(frozen=True)
-class _Entry:
+class _PriorEntry:
     """A nominal value as given: name, value, and tolerance if any."""
 
     name: str
@@ -206,7 +206,7 @@ def _owner_by_name(table: ParameterTable) -> dict[str, str]:
     return owner | {parameter.name: parameter.name for parameter in table.free}
 
 
-def _join_entries(first: _Entry, second: _Entry, parameter: str) -> _Entry:
+def _join_entries(first: _PriorEntry, second: _PriorEntry, parameter: str) -> _PriorEntry:
     """Join two entries of one parameter; IbridError where they differ."""
     tolerances = {first.tolerance, second.tolerance} - {None}
     if first.value != second.value or len(tolerances) > 1:
@@ -217,7 +217,7 @@ def _join_entries(first: _Entry, second: _Entry, parameter: str) -> _Entry:
             "the same for both"
         )
     tolerance = first.tolerance if second.tolerance is None else second.tolerance
-    return _Entry(second.name, second.value, tolerance)
+    return _PriorEntry(second.name, second.value, tolerance)
 
 
 def _usual_tolerance(parameter: Parameter, value: float, wiring: Wiring) -> float:
@@ -321,7 +321,7 @@ def _require_inside(name: str, value: float, box: Parameter | Range) -> None:
         )
 
 
-def _format_entry(entry: _Entry) -> str:
+def _format_entry(entry: _PriorEntry) -> str:
     """Format a value and its tolerance for a message."""
     if entry.tolerance is None:
         return f"{entry.value:g}"

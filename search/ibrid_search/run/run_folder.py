@@ -30,7 +30,7 @@ _WRITTEN = (BEST_PROGRAM, BEST_RECORD, TRAJECTORY, SELECTION, PAGE)
 #: Asks the search to stop while it is there.
 STOP = "archive.stop"
 #: What SQLite and the store keep beside the archive.
-BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm", STOP)
+BESIDE_ARCHIVE = ("archive.lock", "archive.sqlite-wal", "archive.sqlite-shm")
 #: What a new archive would take away, were it there.
 TAKEN_AWAY = (*BESIDE_ARCHIVE, "archive.sqlite-journal")
 
@@ -102,13 +102,13 @@ def open_run(
                 _forget_stop(folder)
     finally:
         if not begun:
-            for name in (RUN_TOML, ARCHIVE, *BESIDE_ARCHIVE, *beside):
+            for name in (RUN_TOML, ARCHIVE, *BESIDE_ARCHIVE, STOP, *beside):
                 (folder / name).unlink(missing_ok=True)
 
 
 def _forget_stop(folder: Path) -> None:
-    with suppress(OSError):  # none was asked for
-        (folder / STOP).unlink()
+    with suppress(OSError, IbridError):  # none was asked for, or it is a link
+        inside(folder, STOP).unlink()
 
 
 def run_meta(folder: Path) -> dict[str, str]:
