@@ -8,8 +8,8 @@ many samples later as the computation takes.
 import numpy as np
 
 from ibrid.devices.cigre_library import ERROR, TIME
+from ibrid.fit.just_in_time import njit
 from ibrid.fit.kernel import OPTIONS
-from ibrid.just_in_time import njit
 
 
 @njit(**OPTIONS)

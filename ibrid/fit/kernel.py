@@ -9,7 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from ibrid.just_in_time import njit
+from ibrid.fit.just_in_time import njit
 
 #: Stands for log(0): the model's entry is taken as 1e-12 of the measured one.
 LOG_OF_NOTHING = -27.6 + 0.0j

@@ -4,7 +4,7 @@ integrators that do not wind up, tables.
 
 import numpy as np
 
-from ibrid.just_in_time import njit
+from ibrid.fit.just_in_time import njit
 
 #: Shortest time constant, s; a lag of none is one of that.
 SHORTEST = 1e-3

@@ -14,9 +14,9 @@ Reference: WECC, REEC_A model specification; signs as in `regc_a`.
 
 import numpy as np
 
+from ibrid.fit.just_in_time import njit
 from ibrid.generic.block import Constant, Flag, LawBlock
 from ibrid.generic.laws import beyond_dead_band, clip, integral_rate, lag_rate, limit_of_table
-from ibrid.just_in_time import njit
 
 _TABLE = tuple(
     Constant(f"{name}{k}", 0.0, 0.0, 2.0, meaning)

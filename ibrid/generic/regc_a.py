@@ -9,9 +9,9 @@ is positive where reactive power is delivered.
 Reference: WECC, Solar Plant Dynamic Modeling Guidelines; ESIG, REGC_A model specification.
 """
 
+from ibrid.fit.just_in_time import njit
 from ibrid.generic.block import Constant, Flag, LawBlock
 from ibrid.generic.laws import clip, lag_rate
-from ibrid.just_in_time import njit
 
 REGC_A = LawBlock(
     "REGC_A",

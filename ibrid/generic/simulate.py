@@ -9,6 +9,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from ibrid.fit.just_in_time import njit
 from ibrid.generic.dialect import Dialect
 from ibrid.generic.reec_a import (
     ENDED,
@@ -24,7 +25,6 @@ from ibrid.generic.reec_a import (
     remember,
 )
 from ibrid.generic.regc_a import IP, IQ, REGC_A, V_LVPL, regc_a_currents, regc_a_rates
-from ibrid.just_in_time import njit
 
 #: Longest step, s; states.
 STEP, STATES = 1.3e-3, 9

@@ -16,7 +16,7 @@ import casadi as ca
 from llvmlite import binding, ir
 
 from ibrid.errors import IbridError
-from ibrid.just_in_time import config
+from ibrid.fit.just_in_time import config
 
 #: Parameter sets that one instruction takes.
 LANES = 4

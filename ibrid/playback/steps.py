@@ -17,8 +17,8 @@ the law itself.
 import numpy as np
 from scipy.integrate import DOP853, RK45
 
+from ibrid.fit.just_in_time import njit
 from ibrid.fit.kernel import OPTIONS
-from ibrid.just_in_time import njit
 
 Rule = tuple[np.ndarray, ...]
 #: Dormand and Prince's formulas: weights within a step, weights of the step, and times of the

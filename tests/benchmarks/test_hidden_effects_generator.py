@@ -804,10 +804,11 @@ def test_the_generator_shares_no_code_with_assembly_fit_modules_and_gap():
                 "showing",
                 "hidden",
                 "hanging",
-                "just_in_time",
+                "lazy",
                 *border,
             )
-            assert parts[1] in apart, f"{path.name} imports {name}"
+            is_compiler = name.startswith("ibrid.fit.just_in_time")  # of numba, no fit
+            assert is_compiler or parts[1] in apart, f"{path.name} imports {name}"
             fresh = {one for one in folders if one is not None} - seen
             seen |= fresh
             waiting += sorted(fresh)

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.integrate import RK45
 from scipy.interpolate import CubicSpline
 
-from ibrid.just_in_time import njit
+from ibrid.fit.just_in_time import njit
 
 OMEGA = 120 * np.pi
 #: Largest step, s: kinks of the laws are met by short steps, jumps by the control of the error.

@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.just_in_time import njit
+from ibrid.fit.just_in_time import njit
 
 #: CasADi's operations as Python expressions of their arguments.
 _EXPRESSIONS = {
