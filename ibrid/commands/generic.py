@@ -16,11 +16,10 @@ JSON, PAGE, DYR, ANDES = "generic.json", "report.html", "model.dyr", "andes.json
 def run(arguments: Namespace) -> int:
     """Fit, write the files, print what was found."""
     from ibrid.generic.andes_case import andes_case
-    from ibrid.generic.answer import fit_generic_model
     from ibrid.generic.dialect import dialect_named
     from ibrid.generic.dyr import dyr_text, read_dyr, values_from
+    from ibrid.generic.fitting import generic_model
     from ibrid.generic.model import model_named
-    from ibrid.generic.projection import project_generic_model
     from ibrid.plants.sweeping import operating_point
     from ibrid.report.pages.generic_page import generic_page
     from ibrid.report.texts.generic_text import generic_text
@@ -35,19 +34,18 @@ def run(arguments: Namespace) -> int:
     if arguments.start is not None:
         start, at, machine = values_from(read_dyr(arguments.start), model.blocks, bus, arguments.id)
         bus = at
-    if is_record(arguments.events):
-        answer = project_generic_model(
-            inputs.record(arguments.events),
-            model.name,
-            points=[operating_point(text) for text in arguments.op],
-            start=start,
-            dialect=arguments.dialect,
-        )
-    elif arguments.op:
-        raise IbridError("--op belongs to a record; recordings bring their own p, q and v")
-    else:
-        events = inputs.events(arguments.events, inputs.said_of_events(arguments))
-        answer = fit_generic_model(events, model.name, start=start, dialect=arguments.dialect)
+    data = (
+        inputs.record(arguments.events)
+        if is_record(arguments.events)
+        else inputs.events(arguments.events, inputs.said_of_events(arguments))
+    )
+    answer = generic_model(
+        data,
+        model.name,
+        points=[operating_point(text) for text in arguments.op],
+        start=start,
+        dialect=arguments.dialect,
+    )
     rest = answer.played[0].record.rest
     case = andes_case(
         model.blocks,

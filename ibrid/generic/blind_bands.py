@@ -1,5 +1,5 @@
-"""What a generic model cannot show: in which bands of frequency of which events its current leaves
-far more than rounding of what the device answers.
+"""What a generic model cannot show: in which bands of frequency of which events its current misses
+more than a twentieth of what the device answers.
 
 Law: the discrete Fourier transform of the difference of the currents, over that of the departure
 from rest in the same record, by energy.

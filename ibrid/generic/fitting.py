@@ -38,5 +38,7 @@ def generic_model(
             f"model; found {type(given).__name__}"
         )
     if points:
-        raise IbridError("points belong to an identified model; recordings bring their own")
+        raise IbridError(
+            "operating points (--op) belong to an identified model; recordings bring their own"
+        )
     return fit_generic_model(given, model, start=start, dialect=dialect)

@@ -36,7 +36,7 @@ def project_generic_model(
     places = points or [_at_terminals(record, name) for name in record.settings["operating_points"]]
     answers = answers_to_standard_events(detailed, places, record.settings["f0_hz"])
     fitted = fit_generic_model(answers.fitted, model, start=start, dialect=dialect, measured=False)
-    held_out = played_events(fitted, answers.held_out) if answers.held_out.records else ()
+    held_out = () if answers.held_out is None else played_events(fitted, answers.held_out)
     return replace(
         fitted,
         held_out=held_out,

@@ -46,12 +46,12 @@ _WINDOW = "dft:1"
 
 @dataclass(frozen=True)
 class Answers:
-    """`fitted`, `held_out` : records of the model's answers. `left_out` : a sentence for each event
-    that the model has no answer to.
+    """`fitted`, `held_out` : the model's answers; None where it answers no held-out event.
+    `left_out` : a sentence for each event that the model has no answer to.
     """
 
     fitted: Events
-    held_out: Events
+    held_out: Events | None
     left_out: tuple[str, ...]
 
 
@@ -71,7 +71,7 @@ def answers_to_standard_events(
     source = "answers of the identified model to standard events"
     return Answers(
         Events(fitted, f0_hz=f0_hz, source=source),
-        Events(held_out or fitted[:0], f0_hz=f0_hz, source=source),
+        Events(held_out, f0_hz=f0_hz, source=source) if held_out else None,
         tuple(left_out),
     )
 

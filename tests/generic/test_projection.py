@@ -93,3 +93,8 @@ def test_a_record_becomes_a_generic_model_with_errors_of_events_that_no_fit_saw(
 def test_what_is_neither_a_recording_nor_a_record_is_said():
     with pytest.raises(IbridError, match="found Sweep"):
         ibrid.generic_model(ibrid.benchmarks()["paper_like"])
+
+
+def test_operating_points_are_refused_beside_recordings(answers):
+    with pytest.raises(IbridError, match="recordings bring their own"):
+        ibrid.generic_model(answers.fitted, points=[POINT])

@@ -12,13 +12,14 @@ from functools import lru_cache
 import numpy as np
 
 from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
-from ibrid.measurement.sweeps.vector_fit import FEWEST, best_fit, vector_fit
+from ibrid.measurement.sweeps.vector_fit import FEWEST, SHARE, best_fit, vector_fit
 
 #: Most frequencies at which fits are compared: every second, third .. row of a longer sweep.
 MOST = 60
 #: A fit of the numbers as they stand that leaves less over than this part of |Y| is right.
 FITTED = 1e-4
-#: A mended reading is named where it leaves at most this part over of what the best fit leaves.
+#: A shift is named where it leaves at most this part of what a fit of the numbers as they stand
+#: leaves.
 MENDS = 0.2
 #: Entries that come from one test or one file, beside the others; a half that is late is one whose
 #: other half is early.
@@ -80,7 +81,7 @@ def _shifted(hertz: np.ndarray, values: np.ndarray, step: int, order: int, left:
 def _left(hertz: np.ndarray, values: np.ndarray, order: int) -> float:
     """What a vector fit of so many poles leaves over: rms over |Y|, each degree of freedom."""
     weight = 1.0 / np.linalg.norm(values, axis=(1, 2))
-    order = min(order, int((0.6 * 8 * len(hertz) - 4) // 5))
+    order = min(order, int((SHARE * 8 * len(hertz) - 4) // 5))
     fitted = vector_fit(hertz, values, order, weight)
     residual = weight[:, None, None] * (fitted - values)
     dof = 8 * len(hertz) - 5 * order - 4
