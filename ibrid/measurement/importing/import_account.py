@@ -80,13 +80,6 @@ def bases_of(told: Mapping[str, Any], account: Account) -> tuple[float, float] |
     return power, voltage
 
 
-def known_number(key: str, told: Mapping[str, Any], account: Account) -> float | None:
-    value = number_said(told.get(key))
-    if value is None:
-        account.ask("the nominal frequency of the grid", "--f0-hz 50", "--f0-hz 60")
-    return value
-
-
 def number_said(value: Any) -> float | None:
     """A number that was said, perhaps with its dimension."""
     if value is None:
