@@ -218,3 +218,37 @@ def test_names_of_a_voltage_may_say_how_it_is_counted(tmp_path):
         if not np.allclose([rest.p, rest.q, rest.v], [POWER.real[0], POWER.imag[0], 1], atol=1e-4):
             wrong.append((name, rest))
     assert wrong == []
+
+
+def dated(folder: Path) -> Path:
+    """Voltage and powers behind a date and a time in columns of their own."""
+    clocks = [f"10:00:{5 + t:09.6f}" for t in TIME]
+    rows = zip(clocks, V_BASE * abs(V), POWER.real, POWER.imag, strict=True)
+    lines = [
+        f"2025-03-14,{clock},{v:.3f},{S_BASE / 1e3 * p:.5f},{S_BASE / 1e3 * q:.5f}"
+        for clock, v, p, q in rows
+    ]
+    path = folder / "dated.csv"
+    path.write_text("\n".join(["Date,Time,A,P (kW),Q (kvar)", *lines]), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("clock", ["", "t=1,", "t=2,", "t=Date,", "t=Time,"])
+def test_columns_behind_a_date_and_a_time_are_counted_as_in_the_file(tmp_path, clock):
+    """Of date and time one clock is made, and the other columns keep their numbers."""
+    channels = f"{clock}v=3[V_LL],p=4[kW],q=5[kvar]"
+    events = ibrid.read_events(dated(tmp_path), channels=channels, window="none", **BASES)
+    (record,) = events.records
+    law = POWER[0]
+    assert np.allclose([record.rest.p, record.rest.q], [law.real, law.imag], atol=1e-4)
+    assert np.allclose(record.time, TIME, atol=1e-6)
+    assert not any("not used" in remark or "name says" in remark for remark in record.remarks)
+
+
+def test_powers_taken_for_one_another_are_remarked(tmp_path):
+    """[kW] over kvar is the unit of another quantity, though both are W to a computer."""
+    channels = "v=3[V_LL],p=5[kW],q=4[kvar]"
+    events = ibrid.read_events(dated(tmp_path), channels=channels, window="none", **BASES)
+    said = " ".join(events.records[0].remarks)
+    assert "p: Q (kvar) as said, while its name says reactive power and not active power" in said
+    assert "unit of p: kW as said, while its name says kvar" in said

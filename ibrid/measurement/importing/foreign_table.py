@@ -69,7 +69,7 @@ class ForeignTable:
     : columns that an array has by number alone. decimal : the decimal mark of all columns, "" where
     they differ. polar_angle : the largest angle of polar cells that say no unit where nobody does,
     as it is written; else 0. percent : columns that a workbook shows in percent throughout, whose
-    names do not say %. made_of : columns of which others behind them are made.
+    names do not say %. made_of : columns of which others are made.
     """
 
     where: str

@@ -69,7 +69,9 @@ def times_of(table: ForeignTable, name: str, column: Column) -> tuple[np.ndarray
 
 
 def with_date_and_time(table: ForeignTable) -> ForeignTable:
-    """The table with a column of dates put before the one of times, where these are apart."""
+    """The table with dates before times in both columns, where these are apart; all columns keep
+    their places, by which they are told.
+    """
     texts = {
         without_clock_form(name).strip().lower(): name
         for name, values in table.columns.items()
@@ -83,8 +85,12 @@ def with_date_and_time(table: ForeignTable) -> ForeignTable:
         f"{day} {clock}"
         for day, clock in zip(table.columns[date], table.columns[time], strict=True)
     ]
-    columns = {name: values for name, values in table.columns.items() if name != date}
-    return replace(table, columns={**columns, time: np.array(joined, dtype=object)})
+    clock = np.array(joined, dtype=object)
+    return replace(
+        table,
+        columns={**table.columns, date: clock, time: clock},
+        made_of=table.made_of | {date, time},
+    )
 
 
 def _durations(cells: list[str]) -> np.ndarray | None:

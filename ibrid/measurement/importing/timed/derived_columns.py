@@ -71,7 +71,7 @@ def with_derived_columns(table: ForeignTable, told: Mapping[str, str]) -> Foreig
         table,
         columns={**table.columns, **derived},
         remarks=(*table.remarks, remark),
-        made_of=frozenset(made_of),
+        made_of=table.made_of | {*made_of},
     )
 
 

@@ -22,6 +22,15 @@ _MAGNITUDES = tuple(f"{role}_{part}" for role in _ABC for part in ("mag", "ang")
 _COUNTED_UNIT = re.compile(r"(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?)\s*([^\s\d].*)")
 #: What a voltage without an angle is called, the plainest first.
 _SIZES = ("v_mag", "v", "vpos_mag", "vpos", "va_mag", "va")
+#: What the first letter of a role measures.
+_QUANTITIES = {
+    "v": "a voltage",
+    "i": "a current",
+    "p": "active power",
+    "q": "reactive power",
+    "t": "a time",
+    "f": "a frequency",
+}
 #: Active and reactive current, as programs call them.
 _CURRENTS = (("ip", "iq"), ("id", "iq"), ("ip_mag", "iq_mag"))
 
@@ -45,7 +54,7 @@ class SignalFamily:
     `kind` : "phases", "lines" (voltages between the phases), "dq", "phasors" (of three phases),
     "phasor" (one, or the positive sequence), "powers" or "currents" (of a voltage without an
     angle). `columns` : by role; t, record, sigma, f and an angle among them where they are there.
-    `remarks` : where a unit was said that is not that of the name.
+    `remarks` : where a unit or a quantity was said that is not that of the name.
     """
 
     kind: str
@@ -114,7 +123,11 @@ def family_of(names: Sequence[str], told: Mapping[str, str], where: str) -> Sign
             )
         extra = [role for role in ("t", "record", "sigma", "f", "v_ang") if role in taken]
         columns = {role: taken[role] for role in (*needed, *extra)}
-        return SignalFamily(kind, columns, _units_said_twice(columns, names, told))
+        remarks = (
+            *_quantities_said_twice(columns, names, told),
+            *_units_said_twice(columns, names, told),
+        )
+        return SignalFamily(kind, columns, remarks)
     return None
 
 
@@ -169,6 +182,28 @@ def _taken(
     return taken, {role: found for role, found in places.items() if len(found) > 1}
 
 
+def _quantities_said_twice(
+    columns: Mapping[str, Column], names: Sequence[str], told: Mapping[str, str]
+) -> tuple[str, ...]:
+    """Remarks on columns that `--channels` takes for another quantity than their names say."""
+    remarks = []
+    for role in columns.keys() & told.keys():
+        column = columns[role]
+        named = column.signal.quantity
+        if named and role[0] in _QUANTITIES and named[0] != role[0]:
+            said = _QUANTITIES.get(named[0], named)
+            remarks.append(
+                f"{role}: {names[column.place]} as said, while its name says {said} and not "
+                f"{_QUANTITIES[role[0]]}"
+            )
+    return tuple(sorted(remarks))
+
+
+def _kind_of_power(unit: str) -> str:
+    """The unit of a power without its prefix, W, var or VA, in small letters; "" for others."""
+    return next((kind for kind in ("var", "va", "w") if unit.strip().lower().endswith(kind)), "")
+
+
 def _units_said_twice(
     columns: Mapping[str, Column], names: Sequence[str], told: Mapping[str, str]
 ) -> tuple[str, ...]:
@@ -181,7 +216,8 @@ def _units_said_twice(
             continue
         counted = counted_in(said) | counted_in(f"{written} {name}")
         opposite = {"line", "phase"} <= counted or {"rms", "peak"} <= counted
-        if size_of(said) != size_of(written) or opposite:
+        other_power = _kind_of_power(said) != _kind_of_power(written)
+        if size_of(said) != size_of(written) or opposite or other_power:
             remarks.append(f"unit of {role}: {said} as said, while its name says {written}")
     return tuple(sorted(remarks))
 
