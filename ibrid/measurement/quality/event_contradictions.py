@@ -8,6 +8,7 @@ import numpy as np
 
 from ibrid.measurement.recordings.event_rest import current_sequences
 from ibrid.measurement.recordings.events import EventRecord, Events
+from ibrid.measurement.recordings.standing_samples import STOOD
 from ibrid.measurement.sweeps.quantities import counted, engineering, percent
 
 #: A voltage at rest beyond this is not one of a grid; what it then is close to, and what that
@@ -53,6 +54,7 @@ _GRAVE = (
     "the data end early",
     "that the configuration announces",
     "without a ratio",
+    STOOD,
 )
 
 

@@ -21,6 +21,7 @@ from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.recordings.phasors import FORMS
 from ibrid.measurement.recordings.resampling import every_kth, sampling_rate
 from ibrid.measurement.recordings.spikes import describe_spikes
+from ibrid.measurement.recordings.standing_samples import STOOD, describe_standing
 from ibrid.measurement.recordings.steady_state import rests_from
 
 CHOICES: dict[str, tuple[str, ...]] = {
@@ -237,6 +238,9 @@ def _record(
         )
     if not any("stands out" in one for one in remarks):  # as the file this was imported from said
         remarks += describe_spikes(samples.time, (v, i), (samples.v, samples.i), bases)
+    instantaneous = header["frame"] not in FORMS and header.get("window") is None
+    if instantaneous and not any(STOOD in one for one in remarks):
+        remarks += describe_standing(samples.time, samples.v, samples.i, f0_hz)
     steps: dict[str, Any] = {"stepped": _stepped(samples, header)}
     if header["frame"] == "dq":  # phases turn through all their steps at rest, which is a noise
         steps |= {
