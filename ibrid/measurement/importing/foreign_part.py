@@ -33,6 +33,7 @@ from ibrid.measurement.importing.column_words import (
 )
 from ibrid.measurement.importing.doubts.fill_values import mind_fill_values
 from ibrid.measurement.importing.doubts.other_base import mind_other_base
+from ibrid.measurement.importing.doubts.perhaps_recording import recording_refused
 from ibrid.measurement.importing.doubts.polar_units import (
     Seen,
     ask_decibels,
@@ -63,7 +64,6 @@ from ibrid.measurement.importing.point_columns import (
     require_names,
     tidy_name,
 )
-from ibrid.measurement.importing.timed.signal_names import signal_of
 from ibrid.measurement.importing.told import base_of, doubts_beside, numbers_beside, told_beside
 from ibrid.ranges import require_in_range
 
@@ -371,14 +371,8 @@ def _frequency(
     role = next((role for role in ("freq", "omega") if role in sources), None)
     if role is None:
         columns = some(table.columns, 12) if table.columns else "none among its arrays"
-        if any(signal_of(name).quantity == "t" for name in table.columns):
-            raise SweepError(
-                f"{table.where} has a column of times, so it is probably a recording, of which "
-                f"voltages and currents must be known; found {columns}, say which they are: "
-                "--channels t=1,va=2,vb=3,vc=4,ia=5,ib=6,ic=7 or t=1,vd=2,vq=3,id=4,iq=5 "
-                "(numbers or names of columns, [kV] behind one is its unit); of a sweep --map "
-                "freq=COLUMN."
-            )
+        if refused := recording_refused(table, has_frequency=False):
+            raise SweepError(refused)
         raise SweepError(
             f"{table.where} must have a column of frequencies; found {columns}, name it: --map "
             "freq=COLUMN."
@@ -478,6 +472,8 @@ def _family(
             f"device, as its {doubt!r} could say; where the numbers are those of the inverter as "
             "they stand, name the columns: --map Ydd=A+jB,Ydq=C+jD,.. (#3: the third column)."
         )
+    if len(missing) == 4 and (refused := recording_refused(table, has_frequency=True)):
+        raise SweepError(refused)
     found = some(table.columns, 9)
     raise SweepError(
         f"{table.where} must have the four entries of a 2x2 matrix; {missing[0]} was not found "
