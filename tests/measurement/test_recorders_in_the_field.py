@@ -29,6 +29,7 @@ from ibrid import cli
 from ibrid.measurement.importing.timed.probes import volts_per_ampere
 from ibrid.measurement.importing.timed.sampled_times import sampling_told
 from ibrid.measurement.importing.timed.signal_names import signal_of
+from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.recordings.events import EventRecord
 
 BASES = {"base": "10MVA,20kV", "f0_hz": F0}
@@ -301,3 +302,32 @@ def test_a_sampling_interval_or_rate_above_the_numbers_makes_the_times(tmp_path,
 def test_words_that_tell_no_sampling_make_no_times():
     for words in ("offset: 3", "cutoff frequency: 5 kHz", "fs", "sample rate: 0 Hz", "dt: 3 V"):
         assert sampling_told([words]) is None
+
+
+def slow(folder: Path, seconds: int) -> Path:
+    """Values of a control room, of which some cells have no decimal comma, and times no seconds."""
+    begin = np.datetime64("2026-12-02T11:00")
+    stamps = [str(begin + np.timedelta64(seconds * k, "s"))[11:] for k in range(60)]
+    stamps = [stamp + ":00" * (stamp.count(":") == 1 and seconds % 60 > 0) for stamp in stamps]
+    powers = [8000.0] * 20 + [4000.5] * 40
+    voltages = [20000.0] * 20 + [19000.0] * 40
+    rows = [
+        f"02.12.2026 {stamp};{p:g};1000;{v:g}".replace(".5;", ",5;")
+        for stamp, p, v in zip(stamps, powers, voltages, strict=True)
+    ]
+    lines = ["Timestamp;P [kW];Q [kvar];U [V]", *rows, ""]
+    return written(folder, "room.csv", "\n".join(lines))[0]
+
+
+def test_one_value_a_minute_is_no_recording_of_a_controller(tmp_path):
+    with pytest.raises(ibrid.IbridError, match="one value each 60 s, while even a plant contr"):
+        ibrid.read_events(slow(tmp_path, 60), **BASES)
+
+
+def test_one_value_in_five_seconds_is_said_to_show_a_plant_controller_at_most(tmp_path):
+    """Whole numbers beside decimal commas in one column are numbers."""
+    events = ibrid.read_events(slow(tmp_path, 5), **BASES)
+    assert events.records[0].rest.p == pytest.approx(0.8)
+    power = events.records[0].v[-1] @ events.records[0].i[-1]
+    assert power == pytest.approx(0.40005, rel=1e-6)
+    assert any("shows nothing above 0.1 Hz" in one for one in contradictions(events))

@@ -173,8 +173,8 @@ def _separator(
         comma = quoted if separator == "," else any(map(_COMMA.search, chosen))
         for decimal in {False, comma}:
             if data := data_rows(rows, decimal):
-                numbers = sum(number(cell, decimal) is not None for cell in data[0][1])
-                tried.append((len(data) * numbers, -len(data[0][1]), not decimal, -k))
+                numbers = sum(_numbers_in(cells, decimal) for _, cells in data)
+                tried.append((numbers, -len(data[0][1]), not decimal, -k))
     if not tried:
         raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
     *_, point, k = max(tried)

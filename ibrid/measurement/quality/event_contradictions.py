@@ -41,6 +41,8 @@ _MIXED, _TELLS, _THIRD = 0.2, 0.05, 8.0
 _GAP, _PART, _MOVES, _LONG = 5.0, 0.1, 0.01, 0.5
 #: A step of time so many times that between frames is a gap: a frame is missing.
 _MISSING = 1.5
+#: From where on the outer loops of an inverter act, Hz.
+_OUTER_HZ = 0.5
 #: Remarks on reading that are warnings.
 _GRAVE = (
     "frames are left out",
@@ -73,6 +75,7 @@ def _of(record: EventRecord, f0_hz: float, base_va: float | None) -> Iterator[st
     yield from (
         f"{record.name}: {one}." for one in record.remarks if any(words in one for words in _GRAVE)
     )
+    yield from _slow_samples(record)
     yield from _sizes(record, base_va)
     yield from _unbalance(record)
     gaps = tuple(_gaps(record, f0_hz))
@@ -96,6 +99,16 @@ def _nothing_happens(record: EventRecord) -> Iterator[str]:
             f"{record.name}: nothing happens in it, voltage and current stay at rest from "
             f"{record.time[0]:.4g} to {record.time[-1]:.4g} s; was it cut before the event? A "
             "model is judged by its answer to one."
+        )
+
+
+def _slow_samples(record: EventRecord) -> Iterator[str]:
+    step = float(np.median(np.diff(record.time)))
+    if step > 1 / (2 * _OUTER_HZ):
+        yield (
+            f"{record.name}: one value each {step:.4g} s shows nothing above {1 / (2 * step):.3g} "
+            "Hz, of the controls of an inverter at most its plant controller; record rms values "
+            "each ms to 20 ms."
         )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from ibrid.frozen import Frozen
 from ibrid.measurement.quality.event_contradictions import contradictions
-from ibrid.measurement.recordings.event_rest import noise_at_rest
+from ibrid.measurement.recordings.event_rest import SLOWEST_HZ, noise_at_rest
 from ibrid.measurement.recordings.event_windows import returns_at, windows_of
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.quantities import counted, hertz
@@ -22,7 +22,7 @@ from ibrid.writing import write_json
 
 #: Loops, the slowest first, and where they act, Hz: rules of thumb, of a plant controller too.
 LOOPS = (
-    ("plant controller, set points and droop", 0.01, 1.0),
+    ("plant controller, set points and droop", SLOWEST_HZ, 1.0),
     ("outer loops of power and voltage", 0.5, 10.0),
     ("synchronisation (PLL)", 5.0, 100.0),
     ("current loop", 100.0, 1000.0),

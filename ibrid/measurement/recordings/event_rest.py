@@ -19,6 +19,8 @@ FRAMES = 5
 #: A departure from rest is beyond this many medians of the deviation at rest, and beyond this much
 #: (per unit).
 _BEYOND, _FLOOR = 8.0, 1e-5
+#: Where the slowest loop of an inverter acts, Hz.
+SLOWEST_HZ = 0.01
 #: Samples at rest from which a noise can be told.
 ENOUGH = 40
 #: How much the means of half cycles may differ at rest, per unit: voltage, current.
@@ -216,6 +218,13 @@ def _departure(
 
 
 def _check_time(name: str, time: np.ndarray, f0_hz: float, *, frames: bool = False) -> None:
+    step = float(np.median(np.diff(time))) if len(time) > 1 else 0.0
+    if frames and step > 1 / (2 * SLOWEST_HZ):
+        raise SweepError(
+            f"record {name} must show a controller at work; found one value each {step:.4g} s, "
+            f"while even a plant controller acts above {SLOWEST_HZ:g} Hz: record waveforms, or rms "
+            "values each ms to 20 ms."
+        )
     if frames and len(time) < FRAMES + 1:
         raise SweepError(
             f"record {name} must have {FRAMES} frames at rest and more behind them; found "

@@ -26,7 +26,7 @@ _DURATION = re.compile(r"([-+]?[\d.]+(?:[eE][-+]?\d+)?)\s*(sec|s|ms|min|hr)")
 _SECONDS = {"sec": 1.0, "s": 1.0, "ms": 1e-3, "min": 60.0, "hr": 3600.0}
 #: Hours, minutes and seconds, with anything before them as the date.
 _OF_DAY = re.compile(
-    r"(.*?)[T\s]*(\d{1,2}):(\d{2}):(\d{2}(?:[.,:]\d+)?)\s*([AaPp])?\.?(?:[Mm]\.?)?"
+    r"(.*?)[T\s]*(\d{1,2}):(\d{2})(?::(\d{2}(?:[.,:]\d+)?))?\s*([AaPp])?\.?(?:[Mm]\.?)?"
 )
 #: Names of columns that hold a date, and of those that hold the time of a day.
 _DATES = ("date", "datum", "jour", "fecha", "dia", "día", "日期")
@@ -130,7 +130,7 @@ def _seconds_of_day(cells: list[str]) -> np.ndarray | None:
     for row, match in enumerate(one for one in read if one):
         date, hours, minutes, rest, half = match.groups(default="")
         hour = int(hours) % 12 + (12 if half in "Pp" else 0) if half else int(hours)
-        of_day = 3600.0 * hour + 60.0 * int(minutes) + float(re.sub("[,:]", ".", rest))
+        of_day = 3600.0 * hour + 60.0 * int(minutes) + float(re.sub("[,:]", ".", rest or "0"))
         if before is not None and (date != before[0] or of_day < before[1] - _DAY_S / 2):
             days += 1
         before = (date, of_day)
