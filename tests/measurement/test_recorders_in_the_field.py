@@ -331,3 +331,18 @@ def test_one_value_in_five_seconds_is_said_to_show_a_plant_controller_at_most(tm
     power = events.records[0].v[-1] @ events.records[0].i[-1]
     assert power == pytest.approx(0.40005, rel=1e-6)
     assert any("shows nothing above 0.1 Hz" in one for one in contradictions(events))
+
+
+def test_phases_are_named_by_words_of_other_languages_in_old_encodings(tmp_path):
+    french = [f"{word} phase {k}" for word in ("Tension", "Courant") for k in "123"]
+    spanish = [f"{word} {phase}" for word in ("Tensión", "Corriente") for phase in "RST"]
+    fases = [f"{word} fase {k}" for word in ("Tensión", "Corriente") for k in "123"]
+    with collecting() as failures:
+        for time, names in (("Temps", french), ("Tiempo", spanish), ("Tiempo", fases)):
+            for encoding in ("utf-8", "latin-1"):
+                with failures.case(f"{names[0]} in {encoding}"):
+                    units = [" (V)"] * 3 + [" (A)"] * 3
+                    head = [f"{name}{unit}" for name, unit in zip(names, units, strict=True)]
+                    content = text([f"{time} (s)", *head], [TIME, *VALUES], ";", comma=True)
+                    (path,) = written(tmp_path, "words.csv", content, encoding)
+                    assert_is_the_law(imported(path))

@@ -72,7 +72,10 @@ def head_lines(path: Path) -> list[str]:
     """
     content = _beginning(path)
     wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
-    return content.decode("utf-16" if wide else "utf-8-sig", errors="replace").splitlines()
+    text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+    if "\ufffd" in text[:-1] and not wide:  # but for a letter that is cut off
+        text = content.decode("cp1252", errors="replace")
+    return text.splitlines()
 
 
 def _beginning(path: Path) -> bytes:
