@@ -42,6 +42,8 @@ _MARKS = re.compile(r"(?<!\s)\s*(?:#|%|!|//|\*+\s)")
 MOST_COLUMNS = 400
 #: Lines of a long table that choose its separator.
 CHOOSING = 2_000
+#: Rows of them in which numbers are counted.
+COUNTED = 40
 #: Characters of a line beside the numbers that are read for what they say.
 LONGEST_NOTE = 2_000
 #: Lines above the numbers in which names are looked for.
@@ -164,7 +166,7 @@ def _separator(
     lines choose.
     """
     chosen = [line for _, line in numbered[:: -(-len(numbered) // CHOOSING) or 1]]
-    tried: list[tuple[int, int, bool, int]] = []
+    tried: list[tuple[float, int, bool, int]] = []
     for k, separator in enumerate(_SEPARATORS):
         rows = [
             (n, _cells(line, separator)) for n, line in enumerate(chosen) if not _MARKS.match(line)
@@ -173,8 +175,11 @@ def _separator(
         comma = quoted if separator == "," else any(map(_COMMA.search, chosen))
         for decimal in {False, comma}:
             if data := data_rows(rows, decimal):
-                numbers = sum(_numbers_in(cells, decimal) for _, cells in data)
-                tried.append((numbers, -len(data[0][1]), not decimal, -k))
+                some_rows = data[:: -(-len(data) // COUNTED)]
+                numbers = sum(_numbers_in(cells, decimal) for _, cells in some_rows)
+                tried.append(
+                    (len(data) * numbers / len(some_rows), -len(data[0][1]), not decimal, -k)
+                )
     if not tried:
         raise SweepError(f"{where} must hold rows of numbers, two columns or more; found none.")
     *_, point, k = max(tried)
