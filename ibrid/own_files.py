@@ -47,7 +47,7 @@ class Writer:
     links are never replaced. named : outputs that the user calls by their own name. reads : folders
     from which it does; what is named may be one into which it writes. words : the command as the
     user wrote it. wrote : where it wrote what, by the SHA-256, since it began: an answer so far is
-    its own also where no list can be.
+    its own also where no list can be. states : size and time of change of the inputs.
     """
 
     command: str
@@ -57,6 +57,16 @@ class Writer:
     reads: tuple[Path, ...] = ()
     wrote: set[tuple[Path, str]] = field(default_factory=set)
     words: tuple[str, ...] = ()
+    states: dict[Path, tuple[int, int] | None] = field(default_factory=dict)
+
+    def note_states(self) -> None:
+        """Note of the inputs, those that are new, how they are before they are read."""
+        for path in map(Path, self.inputs.values()):
+            self.states.setdefault(path.absolute(), _state(path))
+
+    def changed(self, path: Path) -> bool:
+        """Whether an input is another one than when it was read."""
+        return self.states.get(path.absolute()) != _state(path)
 
     def is_free(self, path: Path) -> bool:
         """Whether the user named this very file, outside of all folders, where all but inputs is
@@ -136,6 +146,7 @@ def writing_as(
     writer = Writer(
         command, inputs or {}, overwrite, frozenset(named), tuple(reads), words=tuple(words)
     )
+    writer.note_states()
     token = _WRITER.set(writer)
     try:
         yield
@@ -161,7 +172,9 @@ def also_reading(inputs: Mapping[str, str | Path]) -> None:
         return
     for path in new.values():
         require_below(path)
-    _WRITER.set(replace(writer, inputs={**writer.inputs, **new}))
+    extended = replace(writer, inputs={**writer.inputs, **new})
+    extended.note_states()
+    _WRITER.set(extended)
     for name in writer.named:
         replace(writer, inputs=new).require_no_input(Path(name))
 
@@ -184,6 +197,12 @@ def command_at_work() -> tuple[tuple[str, ...], Mapping[str, str | Path]]:
     """
     writer = _WRITER.get()
     return ((), {}) if writer is None else (writer.words, writer.inputs)
+
+
+def changed_since_read(path: Path) -> bool:
+    """Whether a file that the command at work reads was changed since it was announced."""
+    writer = _WRITER.get()
+    return writer is not None and writer.changed(path)
 
 
 def announce(*paths: Path) -> None:
@@ -279,6 +298,15 @@ def open_number(path: Path) -> int | None:
     if named is None:
         return None
     return _STREAMS.index(named[1]) if named[1] else int(named[2])
+
+
+def _state(path: Path) -> tuple[int, int] | None:
+    """Size and time of change of a file; None where there is none."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError):
+        return None
+    return status.st_size, status.st_mtime_ns
 
 
 def _is_of_a_run(path: Path) -> bool:

@@ -468,6 +468,10 @@ def test_text_that_no_file_could_hold_is_replaced():
         ("m", {"base_url": "file:///etc/passwd"}, "a base URL looks like"),
         ("m", {"base_url": "http://host:99999999/v1"}, "a base URL looks like"),
         ("m", {"base_url": "http://me:secret@host/v1"}, "must not hold a password"),
+        ("m", {"base_url": "http://host/v1?key=secret"}, "must not hold a password or a key"),
+        ("m", {"base_url": "http://host/v1?a=1&api-key=secret"}, "must not hold a password"),
+        ("m", {"extra": {"api_key": "secret"}}, "a key must not be"),
+        ("m", {"extra": {"extra_headers": [{"Authorization": "secret"}]}}, "a key must not be"),
         ("m", {"base_url": f"http://{'a' * 64}.org/v1"}, "a base URL looks like"),
         ("m", {"base_url": "http://models..org/v1"}, "a base URL looks like"),
         (

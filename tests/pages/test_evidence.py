@@ -6,6 +6,7 @@ from pathlib import Path
 
 import ibrid
 from ibrid.cli import main
+from ibrid.own_files import announce, writing_as
 from ibrid.report.facts.evidence import command_line, evidence_now
 from ibrid.report.pages.page import report_html
 
@@ -24,6 +25,19 @@ def test_a_page_says_version_command_and_hash_of_its_data(tmp_path):
     assert f"Version {ibrid.__version__}" in page
     assert f"ibrid evaluate gfl_l_filter {tmp_path}/scan.csv --restarts 0" in page
     assert f"DATA: scan.csv, SHA-256 {digest}" in page
+
+
+def test_a_file_that_changed_since_it_was_read_has_no_hash(tmp_path):
+    data, other = tmp_path / "scan.csv", tmp_path / "scan.csv.meta"
+    for file in (data, other):
+        file.write_text("read")
+    with writing_as("evaluate", {"DATA": data}):
+        announce(other)
+        assert [len(file.sha256) for file in evidence_now().files] == [16, 16]
+        data.write_text("edited meanwhile")
+        assert [len(file.sha256) for file in evidence_now().files] == [0, 16]
+        other.unlink()
+        assert [len(file.sha256) for file in evidence_now().files] == [0]
 
 
 def test_where_an_answer_goes_is_no_part_of_the_evidence(tmp_path):

@@ -11,7 +11,7 @@ from hashlib import file_digest
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from ibrid.own_files import command_at_work
+from ibrid.own_files import changed_since_read, command_at_work
 
 #: Options that say where an answer goes and on how many cores it is made, not what it is; with and
 #: without a value.
@@ -25,7 +25,9 @@ MOST_FILES = 12
 
 @dataclass(frozen=True)
 class FileRead:
-    """What the command calls a file, its name, and the first 16 digits of its SHA-256."""
+    """What the command calls a file, its name, and the first 16 digits of its SHA-256; "" where it
+    was changed since it was read.
+    """
 
     called: str
     name: str
@@ -50,6 +52,8 @@ def evidence_now() -> Evidence:
         if path.absolute() not in files and len(files) < MOST_FILES:
             with suppress(OSError), path.open("rb") as stream:
                 digest = file_digest(stream, "sha256").hexdigest()
+                if changed_since_read(path):
+                    digest = ""
                 files[path.absolute()] = FileRead(called, path.name, digest[:16])
     return Evidence(_version(), command_line(words), tuple(files.values()))
 

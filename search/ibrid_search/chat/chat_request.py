@@ -5,13 +5,14 @@ whether to ask again.
 import importlib
 import json
 import os
+import re
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from threading import Thread
 from typing import Any
-from urllib.parse import urlsplit
+from urllib.parse import parse_qsl, urlsplit
 
 from ibrid.errors import IbridError
 from ibrid_search.chat.chat import LONGEST_ANSWER, Answer, ChatError, ToolCall
@@ -27,6 +28,10 @@ _AGAIN = (408, 409, 425, 429)
 _KEY, _PLACE = (
     "; check the key in the environment",
     "; check the model's name and the base URL, which usually ends in /v1",
+)
+#: Names of fields that hold a key; `key` itself also means other things.
+_SECRET = re.compile(
+    r"(^|_)(api_?key|authorization|(auth|access)_token|bearer|secret|password|signature)(_|$)"
 )
 #: What mends an HTTP status.
 _REMEDIES = {401: _KEY, 403: _KEY, 404: _PLACE, 405: _PLACE}
@@ -214,15 +219,32 @@ def check_url(url: str) -> None:
         )  # as the network asks for it: parts of at most 63 characters
     except ValueError:
         parts, fine = urlsplit(""), False
-    if parts.username or parts.password:
+    names = [name for name, _ in parse_qsl(parts.query, keep_blank_values=True)]
+    if parts.username or parts.password or any(name == "key" or is_secret(name) for name in names):
         raise IbridError(
-            "a base URL must not hold a password; put the key into an environment variable"
+            "a base URL must not hold a password or a key; put it into an environment variable"
         )
     if not fine or not url.isprintable() or " " in url or len(url) > 2_000:
         raise IbridError(
             f"a base URL looks like http://127.0.0.1:8000/v1, found {url!r:.80}; give that of a "
             "server"
         )
+
+
+def is_secret(name: str) -> bool:
+    """Whether a field of this name holds what must not be stored: a key, but no `max_tokens`."""
+    return _SECRET.search(name.lower().replace("-", "_")) is not None
+
+
+def names_within(value: Any) -> Iterator[str]:
+    """The names in what JSON can carry, at any depth."""
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield str(name)
+            yield from names_within(inner)
+    elif isinstance(value, list | tuple):
+        for inner in value:
+            yield from names_within(inner)
 
 
 def require_openai() -> Any:

@@ -29,6 +29,8 @@ from ibrid_search.chat.chat_request import (
     Refusal,
     adapted_body,
     check_url,
+    is_secret,
+    names_within,
     post,
     read_reply,
 )
@@ -124,6 +126,11 @@ class ChatServer(Frozen):
                 raise IbridError(
                     f"the field {name!r:.60} of a request must be what JSON can carry; give finite "
                     "numbers and text"
+                )
+            if any(map(is_secret, (name, *names_within(value)))):
+                raise IbridError(
+                    f"the field {name!r:.60} of a request would be stored with the run, and a key "
+                    "must not be; put it into an environment variable"
                 )
 
     @property
