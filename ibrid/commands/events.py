@@ -105,6 +105,7 @@ def event_model(text: str, values: str | None, kinds: list[str], port: "Outside"
     known = choose_vocabulary(inputs.vocabulary(files=kinds))
     diagram = inputs.program(text)
     require_legal(diagram, known, equilibrium="exact")
-    return model_of_program(
-        diagram.behind(port), {} if values is None else read_values(values), known
-    )
+    nominal = {} if values is None else read_values(values)
+    if any(isinstance(entry, dict) and "tolerance" in entry for entry in nominal.values()):
+        complain(f"{values}: values are played as they are, and tolerances change nothing")
+    return model_of_program(diagram.behind(port), nominal, known)

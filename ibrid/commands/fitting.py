@@ -7,7 +7,13 @@ from dataclasses import replace
 
 from ibrid.arguments.places import is_record
 from ibrid.commands import inputs
-from ibrid.commands.outputs import UNFINISHED, give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import (
+    TERMINAL,
+    UNFINISHED,
+    give_json,
+    require_distinct,
+    require_json_place,
+)
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
@@ -38,13 +44,27 @@ def run(arguments: Namespace) -> int:
     if arguments.report is not None:
         from ibrid.report.pages.page import write_report  # pictures are slow to import
 
-        write_report(record, arguments.report, sweep=sweep, events=events)
+        try:
+            write_report(record, arguments.report, sweep=sweep, events=events)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(_page_is_missing(arguments)) from None
     if record.outcome != "ok":
         complain_of_program(arguments.program, record.reasons)
         return {"invalid": 2, "unfinished": UNFINISHED}.get(record.outcome, 1)
     if not printed:
         print(format_record(record).rstrip("\n"))
     return 0
+
+
+def _page_is_missing(arguments: Namespace) -> str:
+    """What is told where an interrupt ends the command before its page is whole."""
+    page = f"stopped before {arguments.report} was written"
+    if arguments.json in (None, TERMINAL):
+        return f"{page}; run the same command again"
+    return (
+        f"{page}; the fit is in {arguments.json}, of which ibrid report {arguments.json} --out "
+        f"{arguments.report} makes the page"
+    )
 
 
 def _settings(arguments: Namespace) -> FitSettings:

@@ -55,3 +55,16 @@ def test_in_python_a_page_says_the_version_alone():
     assert (evidence_now().command, evidence_now().files) == ("", ())
     record = ibrid.evaluate("naive", "paper_like", restarts=0)
     assert f"Version {ibrid.__version__}</p>" in report_html(record)
+
+
+def test_a_fit_that_is_stopped_before_its_page_says_where_it_is(tmp_path, monkeypatch, capsys):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("ibrid.report.pages.page.write_report", interrupted)
+    json, page = str(tmp_path / "fit.json"), str(tmp_path / "fit.html")
+    words = ["evaluate", "naive", "paper_like", "--restarts", "0", "--report", page]
+    assert main([*words, "--json", json]) == 130
+    assert f"ibrid report {json} --out {page}" in capsys.readouterr().err
+    monkeypatch.undo()
+    assert main(["report", json, "--out", page]) == 0

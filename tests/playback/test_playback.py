@@ -300,6 +300,23 @@ def test_every_form_of_a_limit_leaves_a_mild_record_alone():
 
 
 @pytest.mark.slow
+def test_tolerances_of_values_that_are_played_are_said_to_change_nothing(tmp_path, capsys):
+    events, values = tmp_path / "events.csv", tmp_path / "values.json"
+    words = ["record", "gfl_l_filter", "--op", "p=0.5,q=0", "--event", "dip:0.9"]
+    assert main([*words, "--out", str(events)]) == 0
+    played = []
+    for nominal in (0.1, {"value": 0.1, "tolerance": 0.2}):
+        values.write_text(json.dumps({"plant.L_F": nominal}))
+        out = tmp_path / f"out{len(played)}"
+        more = ["--values", str(values), "--out", str(out)]
+        assert main(["playback", "gfl_l_filter", str(events), *more]) == 0
+        said = "tolerances change nothing" in capsys.readouterr().err
+        played.append((said, (out / "playback.json").read_bytes()))
+    assert [said for said, _ in played] == [False, True]
+    assert played[0][1] == played[1][1]
+
+
+@pytest.mark.slow
 def test_record_playback_and_predict_are_one_chain(tmp_path, capsys):
     plant, events = plant_named("paper_like"), tmp_path / "events.csv"
     words = [
