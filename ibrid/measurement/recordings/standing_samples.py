@@ -52,7 +52,7 @@ def _stands(time: np.ndarray, parts: Sequence[np.ndarray], f0_hz: float) -> list
         return _of_axes(same, runs)
     usual = [_usual_change(part) for part in parts]
     middles = [np.median(part, axis=1) for part in parts]
-    found = []
+    stands = []
     for first, last in runs:
         turn = 2 * np.pi * f0_hz * (time[last] - time[first])
         sizes = [
@@ -64,8 +64,8 @@ def _stands(time: np.ndarray, parts: Sequence[np.ndarray], f0_hz: float) -> list
         if all(
             0 < _MISSED * one < size * turn and _AWAY * one < size * away for size, one in pairs
         ):
-            found.append((first, last))
-    return found
+            stands.append((first, last))
+    return stands
 
 
 def _of_axes(same: np.ndarray, runs: list[tuple[int, int]]) -> list[tuple[int, int]]:
