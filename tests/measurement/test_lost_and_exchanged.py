@@ -206,3 +206,35 @@ def test_the_option_that_the_sentence_names_puts_it_right(
     (point,) = ibrid.read_sweep(out).points
     np.testing.assert_allclose(point.frequency, FREQUENCY, rtol=1e-9)
     np.testing.assert_allclose(point.admittance, admittance, rtol=1e-8, atol=1e-9)
+
+
+TURNED_SIGNS = {
+    "Ydd": [[-1, 1], [1, 1]],
+    "Ydq": [[1, -1], [1, 1]],
+    "Yqd": [[1, 1], [-1, 1]],
+    "Yqq": [[1, 1], [1, -1]],
+    "the column of vd": [[-1, 1], [-1, 1]],
+    "the column of vq": [[1, -1], [1, -1]],
+    "the row of id": [[-1, -1], [1, 1]],
+    "the row of iq": [[1, 1], [-1, -1]],
+}
+
+
+@each_of("entries", TURNED_SIGNS)
+@each_of("name", ["paper_like", "gfl_dc_link", "gfm_droop", "random_00"])
+def test_a_sign_that_is_turned_is_named_by_the_filter_high_up(entries, name):
+    signs = np.array(TURNED_SIGNS[entries])
+    turned = changed(ibrid.read_sweep(DATA / f"{name}.csv"), 1.0, lambda y: y * signs)
+    (sentence,) = [one for one in implausible_numbers(turned) if "sign of" in one]
+    named = sentence.split("once the sign of ")[1].split(" is turned")[0]
+    assert entries in named if "the" in entries else entries == named
+
+
+def test_a_sweep_that_ends_before_the_filter_shows_is_not_doubted_for_its_signs():
+    sweep = ibrid.read_sweep(DATA / "paper_like.csv")
+    below = [
+        PointSweep(p.op, p.frequency[p.frequency < 900], p.admittance[p.frequency < 900])
+        for p in sweep.points
+    ]
+    turned = changed(replace(sweep, points=tuple(below)), 1.0, lambda y: y * [[1, 1], [-1, 1]])
+    assert [one for one in implausible_numbers(turned) if "sign of" in one] == []

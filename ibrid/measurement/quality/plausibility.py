@@ -10,6 +10,7 @@ from ibrid.measurement.conventions.exchanged_quantity import exchanged_quantity
 from ibrid.measurement.conventions.tail import inductive_tail
 from ibrid.measurement.quality.angular_frequency import angular_frequencies
 from ibrid.measurement.quality.lost_parts import lost_parts
+from ibrid.measurement.quality.turned_signs import turned_signs
 from ibrid.measurement.sweeps.sweep import Sweep
 
 SMALLEST, LARGEST = 0.1, 300.0
@@ -44,6 +45,7 @@ def implausible_numbers(sweep: Sweep, sampling_hz: float | None = None) -> tuple
         *units,
         *(() if units else _filter(sweep)),
         *_exchanged(sweep),
+        *turned_signs(sweep),
         *lost_parts(sweep),
         *_beyond_sampling(sweep, rate),
     )
