@@ -14,6 +14,7 @@ import ibrid
 from ibrid import cli
 from ibrid.errors import ImpossibleValueError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep
+from ibrid.measurement.conventions.contradictions import check_conventions
 from ibrid.measurement.conventions.exchanged_quantity import exchanged_quantity
 from ibrid.measurement.quality.inspect import inspect
 from ibrid.measurement.quality.plausibility import implausible_numbers
@@ -238,3 +239,20 @@ def test_a_sweep_that_ends_before_the_filter_shows_is_not_doubted_for_its_signs(
     ]
     turned = changed(replace(sweep, points=tuple(below)), 1.0, lambda y: y * [[1, 1], [-1, 1]])
     assert [one for one in implausible_numbers(turned) if "sign of" in one] == []
+
+
+@each_of("name", ["devices/motulator_gfl", "gfl_l_filter", "random_03", "gfl_dc_link"])
+def test_exchanged_direct_entries_are_named_where_the_angle_has_settled(name):
+    """Law: Yqq V^2 = p at rest, whatever the control; Ydd V^2 = p of no device that has it too."""
+    sweep = ibrid.read_sweep(DATA / f"{name}.csv")
+    exchanged = changed(sweep, 1.0, lambda y: np.where(np.eye(2), y[:, ::-1, ::-1], y))
+    assert any("Ydd and Yqq are" in one for one in check_conventions(exchanged).warnings)
+
+
+def test_no_device_that_is_shipped_is_said_to_have_its_direct_entries_exchanged():
+    wrong = [
+        path.stem
+        for path in SHIPPED
+        if any("Ydd and Yqq are" in w for w in check_conventions(ibrid.read_sweep(path)).warnings)
+    ]
+    assert wrong == []

@@ -12,20 +12,23 @@ Yqd)/2 reads q, and (Ydq - Yqd)/2 a shunt susceptance outside. With a constant c
 column is zero and these read half of p and q.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from statistics import median_low
 
 import numpy as np
 
 from ibrid.measurement.sweeps.noise import PointNoise
-from ibrid.measurement.sweeps.sweep import PointSweep, PowerNode
+from ibrid.measurement.sweeps.sweep import PointSweep, PowerNode, Sweep
 
 #: Points up to this multiple of the lowest frequency are extrapolated to zero, and so many at
 #: least.
 SPAN, FEWEST = 2.0, 3
 #: Largest part of a reading that has not settled at the lowest frequency.
 UNSETTLED = 0.2
+#: Hz above which one operating point alone seems settled by chance: a droop that absorbs power, for
+#: one, is not yet.
+ALONE_HZ = 4.0
 #: Least p that is worth comparing.
 LOADED = 0.1
 #: |ln| of a scale that losses and a reading without doubt may show, and how far the operating
@@ -103,6 +106,28 @@ def angle_reading(point: PointSweep, noise: PointNoise) -> AngleReading | None:
     )
 
 
+def exchanged_diagonal(sweep: Sweep, noise: Mapping[str, PointNoise]) -> str:
+    """A sentence where (Ydq, Ydd) has settled on (q, p)/v^2 at every operating point while (Ydq,
+    Yqq) has not, nor on that of the opposite p; "" elsewhere.
+    """
+    if len(sweep.points) == 1 and sweep.points[0].frequency[0] > ALONE_HZ:
+        return ""
+    for point in sweep.points:
+        admittance = np.array(point.admittance)
+        admittance[:, [0, 1], [0, 1]] = point.admittance[:, [1, 0], [1, 0]]
+        level, power = noise[point.op.name], complex(point.op.p, point.op.q)
+        other = angle_reading(PointSweep(point.op, point.frequency, admittance), level)
+        own = angle_reading(point, level)
+        if abs(power.real) < LOADED or other is None or other.off(power) > ODD:
+            return ""
+        if own is not None and (own.off(power) < 2 * ODD or own.off(-power.conjugate()) < 2 * ODD):
+            return ""
+    return (
+        "the lowest frequencies show p in Ydd, where a device that turns with the voltage has it "
+        "in Yqq: Ydd and Yqq are probably exchanged."
+    )
+
+
 def contradictions(
     readings: Sequence[AngleReading], direction: int, power_node: PowerNode
 ) -> tuple[str, ...]:
@@ -158,7 +183,7 @@ def _odd(readings: Sequence[AngleReading], off: Sequence[float]) -> Iterator[str
 
 _ON_Q = "the voltage at rest lies on q (# voltage_axis: q)"
 _REVERSED = {
-    1: f"p and q are what the inverter consumes, or {_ON_Q}",
+    1: f"p and q are what the inverter consumes, or {_ON_Q}, or Ydd and Yqq are exchanged",
     -1: "the current is counted the other way than the key current says",
     0: "the current is counted the other way than the key current says, or p and q are what the "
     "inverter consumes, or " + _ON_Q,

@@ -9,7 +9,13 @@ from typing import Literal
 import numpy as np
 
 from ibrid.border import takes_kinds
-from ibrid.measurement.conventions.angle_law import angle_reading, contradictions, scale_reason
+from ibrid.measurement.conventions.angle_law import (
+    ALONE_HZ,
+    angle_reading,
+    contradictions,
+    exchanged_diagonal,
+    scale_reason,
+)
 from ibrid.measurement.conventions.frame_angle import TurnedFrame, turned_frame
 from ibrid.measurement.conventions.frequency_base import (
     FrequencyReading,
@@ -34,9 +40,6 @@ _LAWS: dict[Signs, str] = {
     (-1, 1): "+[[p, q], [q, -p]]/v^2",
 }
 _ON_Q = "the voltage at rest lies on q (# voltage_axis: q)"
-#: Hz above which one operating point alone seems settled by chance: a droop that absorbs power, for
-#: one, is not yet.
-ALONE_HZ = 4.0
 _MATCH = 0.08
 _REFUTED = 0.3
 _SPAN = 1.25
@@ -129,6 +132,8 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
         directions.pop() if len(directions) == 1 else 0
     )  # +1: every tail has the current out, -1: in
     warnings = []
+    if not common and (sentence := exchanged_diagonal(sweep, noise)):
+        return Conventions("doubt", f"they do not hold together: {sentence}", (sentence,))
     frame = None if common else turned_frame(sweep, noise)
     if frame is not None:
         sentence = _turned(frame, sweep)
@@ -246,7 +251,7 @@ def _mistake(signs: Signs, direction: int) -> str:
         )
     power = "p is what the inverter consumes"
     both = "current and q axis are both declared the wrong way round"
-    swap = "d and q are exchanged (# voltage_axis: q and # q_axis: lags)"
+    swap = "d and q are exchanged (# voltage_axis: q and # q_axis: lags), or Ydd and Yqq alone are"
     return {1: f"{power}, or {swap}", -1: both, 0: f"{power}, or {both}, or {swap}"}[direction]
 
 
