@@ -31,10 +31,14 @@ _FACTORS = {
 }
 #: Sequences at rest beyond this part of the voltage; currents at rest beyond this, per unit.
 _UNBALANCED, _LOADED = 0.03, 1.25
+#: Largest currents, per unit, that are probably kA, and that may be those of a secondary side.
+_THOUSANDTH, _SECONDARY = 2e-3, 0.05
 #: Negative sequence of the current at rest, of the positive one, that no inverter makes; smallest
 #: current that tells; degrees within which one that leads or lags by a third of a turn is of other
 #: phases.
 _MIXED, _TELLS, _THIRD = 0.2, 0.05, 8.0
+#: Degrees off the voltage between which a current is so rather by its phases than by its sign.
+_TURNED = (98.0, 150.0)
 #: A step of time so many times the usual one, and longer than this part of a cycle, is a gap where
 #: the voltage moves by this; one longer than the last part, behind which the voltage may have gone
 #: and come, is a gap wherever it is.
@@ -80,10 +84,11 @@ def _of(record: EventRecord, f0_hz: float, base_va: float | None) -> Iterator[st
     yield from _unbalance(record)
     gaps = tuple(_gaps(record, f0_hz))
     yield from gaps
-    yield from _phases_of_the_current(record, f0_hz)
+    turned = tuple(_phases_of_the_current(record, f0_hz))
+    yield from turned
     if not gaps:
         yield from _nothing_happens(record)
-    if record.rest.p < -0.02:
+    if record.rest.p < -0.02 and not turned:
         yield (
             f"{record.name}: p at rest is {record.rest.p:.3g}, the inverter takes power in; if it "
             "feeds the grid, its current "
@@ -135,15 +140,18 @@ def _sizes(record: EventRecord, base_va: float | None) -> Iterator[str]:
             else " (powers per unit of the system's base and not of the device's?)"
         )
         yield f"{record.name}: the current at rest is {i:.4g} per unit{thousand}{powers}."
-    elif 0 < float(np.abs(record.i).max()) < 2e-3:
-        base = (
-            f", or a base that is too large ({engineering(base_va, 'VA')}; s_base_va is in VA)"
-            if base_va
-            else ""
-        )
+    elif 0 < (largest := float(np.hypot(*record.i.T).max())) < _SECONDARY:
+        likely = ["kA in place of A"] * (largest < _THOUSANDTH)
+        likely += [
+            "currents of the secondary side of transformers (--ratio i=1000/5 multiplies them)"
+        ]
+        if base_va:
+            shown = engineering(base_va, "VA")
+            likely += [f"a base that is too large ({shown}; s_base_va is in VA)"]
+        likely += ["an inverter that idles"] * (largest >= _THOUSANDTH)
         yield (
-            f"{record.name}: the current is never above {np.abs(record.i).max():.2g} per unit, kA "
-            f"in place of A{base}?"
+            f"{record.name}: the current is never above {largest:.2g} per unit, "
+            f"{' or '.join(likely)}?"
         )
 
 
@@ -186,10 +194,20 @@ def _phases_of_the_current(record: EventRecord, f0_hz: float) -> Iterator[str]:
             f"{positive:.3g}; a channel of the currents is swapped, reversed or missing."
         )
         return
-    angle = np.rad2deg(np.arctan2(record.rest.q, record.rest.p))
-    if positive > _TELLS and min(abs(abs(angle) - 60), abs(abs(angle) - 120)) < _THIRD:
+    angle = float(np.rad2deg(np.arctan2(record.rest.q, record.rest.p)))
+    size = abs(angle)
+    if positive > _TELLS and _TURNED[0] < size < _TURNED[1]:
+        later = ("ib", "ic", "ia") if angle < 0 else ("ic", "ia", "ib")
         yield (
-            f"{record.name}: the current at rest is {abs(angle):.0f} degrees off the voltage; if "
+            f"{record.name}: the current at rest is {size:.0f} degrees off the voltage; its "
+            "channels are probably not in the order of those of the voltage "
+            f"({abs(size - 120):.0f} degrees once {later[0]}, {later[1]}, {later[2]} are taken as "
+            "ia, ib, ic: --channels), or it takes power in and counts into the inverter "
+            "(--current in; p and q at rest tell)."
+        )
+    elif positive > _TELLS and min(abs(size - 60), abs(size - 120)) < _THIRD:
+        yield (
+            f"{record.name}: the current at rest is {size:.0f} degrees off the voltage; if "
             "it should be in phase, its "
             "channels are not in the order of those of the voltage (a hint: p and q at rest may be "
             "so)."

@@ -105,7 +105,8 @@ def record_from_rest(
     if not level > 0.01:
         raise SweepError(
             f"record {name} must begin with a voltage; found at most {level:.2g} per unit, check "
-            "its unit: kV in place of V?"
+            "its unit (kV in place of V?), or multiply values of a secondary side: --ratio "
+            "v=20000/100."
         )
     if ripples:
         _check_sequence(name, _constants(time[:count], v[:count], f0_hz))
@@ -257,8 +258,8 @@ def _check_sequence(name: str, constants: np.ndarray) -> None:
         raise SweepError(
             f"record {name}: the phases turn the wrong way, the negative sequence of the voltage "
             f"is {abs(constants[-1]):.2f} "
-            f"against {abs(constants[0]):.2f} per unit; swap two phases, of the voltages and of "
-            "the currents alike."
+            f"against {abs(constants[0]):.2f} per unit; exchange b and c of the voltages and of "
+            "the currents alike, as by --channels vb=COLUMN,vc=COLUMN,ib=COLUMN,ic=COLUMN."
         )
 
 

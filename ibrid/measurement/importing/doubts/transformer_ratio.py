@@ -23,8 +23,8 @@ _KNOWN = {
 }
 #: What is measured, where the word for the transformer leaves it open.
 _MEASURED = {
-    "i": re.compile(r"current|strom|courant|corriente|电流", re.IGNORECASE),
-    "v": re.compile(r"volt|spannung|tensi|电压", re.IGNORECASE),
+    "i": re.compile(r"current|strom|courant|corriente|电流|clamp|zange|pince|rogowski", re.I),
+    "v": re.compile(r"volt|spannung|tensi|电压|differen[tz]|high.?volt|\bHV\b", re.I),
 }
 _NUMBER = r"(\d+(?:[.,]\d+)?)\s*([kK]?)([AV]?)"
 #: 1000/5, 200:1, 1000 A : 5 A.
@@ -160,7 +160,9 @@ def _ratios_in(comment: str) -> list[tuple[str, str]]:
         upper, kilo, unit, lower, other_kilo, other_unit = sides.groups()
         sizes = sorted([_size(upper, kilo), _size(lower, other_kilo)])
         letter = {"A": "i", "V": "v"}.get(unit or other_unit)
-        letter = letter or _measured(comment[begin : sides.start()]) or _measured(comment)
+        behind = re.split("[,;]", comment[sides.end() :])[0]
+        letter = letter or _measured(comment[begin : sides.start()]) or _measured(behind)
+        letter = letter or _measured(comment)
         begin = sides.end()
         if 0 < sizes[0] < sizes[1]:
             ratio = f"{sizes[1]:g}" + ("" if sizes[0] == 1 else f"/{sizes[0]:g}")
