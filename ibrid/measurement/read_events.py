@@ -229,7 +229,8 @@ def _of_tables(
     nothing of themselves.
     """
     tables = [with_date_and_time(without_signs(table)) for table in tables]
-    comments = read_comments(tables)
+    base = base_of(str(told["base"]), "base") if "base" in told else None
+    comments = read_comments(tables, base)
     stated, notes = read_keys(comments.lines, where, KEYS, CHOICES)
     tables = [replace(table, remarks=(*table.remarks, *comments.remarks)) for table in tables]
     notes = (*notes, *dict.fromkeys(remark for table in tables for remark in table.remarks))

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from collecting import each_of
 
+import ibrid
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.doubts.transformer_ratio import transformer_doubts
+from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.read_events import read_events
 
@@ -100,3 +102,77 @@ def test_the_order_that_the_sentence_names_puts_the_phases_right(tmp_path):
 )
 def test_a_ratio_belongs_to_what_its_own_words_measure(comment, letter):
     assert [one.letter for one in transformer_doubts([comment])] == [letter]
+
+
+ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
+SWEEP = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+FREQUENCY = np.array(SWEEP.points[0].frequency)
+Z_BASE = 690.0**2 / 2.75e6
+ADMITTANCE = np.array(SWEEP.points[0].admittance) / Z_BASE
+IMPEDANCE = -np.linalg.inv(ADMITTANCE)
+OUT = {"f0_hz": 60.0, "current": "out", "q_axis": "leads", "power_node": "capacitor"}
+IN = {**OUT, "current": "in"}
+BASE = {"base": "2.75MVA,690V"}
+REST = {"p": 1.0, "q": 0.3}
+
+
+def scan(above: str = "", matrix: np.ndarray = ADMITTANCE, unit: str = "S", mark: str = ",") -> str:
+    """A table of real and imaginary parts below some lines."""
+    names = [f"Y{e}_{part} [{unit}]" for e in ENTRIES for part in ("re", "im")]
+    values = np.ascontiguousarray(matrix).reshape(-1, 4).view(float)
+    rows = [mark.join(f"{x:.9g}" for x in (f, *v)) for f, v in zip(FREQUENCY, values, strict=True)]
+    return "\n".join([above + mark.join(["freq_hz", *names]), *rows]) + "\n"
+
+
+def imported(folder: Path, text: str, name: str = "scan.csv", **said: object):
+    (folder / name).write_text(text, encoding="utf-8")
+    return import_files([folder / name], **said)
+
+
+def error(sweep, point: int = 0) -> float:
+    """Largest part of |Y| that a sweep is off the truth."""
+    truth = np.array(SWEEP.points[point].admittance)
+    found = np.array(sweep.points[point].admittance)
+    return float(np.abs(found - truth).max() / np.abs(truth).max())
+
+
+@each_of(
+    "words, states",
+    [
+        ("Device;WR 2,75 MVA\nBemessungsspannung;690 V\n", "2.75MVA,690V"),
+        ("# Rated power: 2750 kVA\n# Rated voltage: 690 V\n", "2.75MVA,690V"),
+        ("# Sn = 2.75 MVA, Un = 0.69 kV\n", "2.75MVA,690V"),
+        ("Essai : onduleur 2.75 MVA / 690 V\n", "2.75MVA,690V"),
+        ("# Nennscheinleistung: 2750 kVA\n# Nennspannung: 690 V\n", "2.75MVA,690V"),
+        ("# Puissance nominale : 2750 kVA, tension nominale : 690 V\n", "2.75MVA,690V"),
+        ("# WTG 2.75 MVA scan\n", "2.75MVA"),
+    ],
+)
+def test_a_base_that_is_said_otherwise_than_a_rating_in_words_is_remarked(tmp_path, words, states):
+    text = scan(words, mark=";" if ";" in words else ",")
+    said = imported(tmp_path, text, base="3MVA,400V", **OUT, **REST)
+    shown = [one for one in said.remarks if one.startswith("base: ")]
+    assert shown == [f"base: 3MVA,400V as said, while {tmp_path / 'scan.csv'} states {states}"]
+    agreed = imported(tmp_path, text, **BASE, **OUT, **REST)
+    assert [one for one in agreed.remarks if one.startswith("base: ")] == []
+
+
+def test_a_rating_of_another_device_is_no_base(tmp_path):
+    for words in ("# Trafo 3.15 MVA / 690 V\n", "# grid: 100 MVA\n", "# 2 MVA and 3 MVA units\n"):
+        said = imported(tmp_path, scan(words), **BASE, **OUT, **REST)
+        assert [one for one in said.remarks if one.startswith("base: ")] == []
+
+
+def test_the_question_for_a_base_proposes_the_rating_of_the_words(tmp_path):
+    text = scan("# onduleur 2.75 MVA / 690 V\n")
+    assert "--base 2.75MVA,690V" in imported(tmp_path, text, **OUT, **REST).asked
+    called = imported(tmp_path, scan("# base: 2.75 MVA, 690 V\n"), **OUT, **REST)
+    assert error(called.answered()) < 1e-6
+
+
+def test_the_base_of_a_recording_that_its_comments_say_otherwise_is_remarked(tmp_path):
+    path = recorded(
+        tmp_path, "t,va [V],vb [V],vc [V],ia [A],ib [A],ic [A]", above="# Sn = 3 MVA, Un = 20 kV\n"
+    )
+    remarks = read_events(path, **SAID)["dip"].remarks
+    assert "base: 2.5MVA,20kV as said, while its words state 3MVA,20kV" in remarks

@@ -64,7 +64,13 @@ from ibrid.measurement.importing.point_columns import (
     require_names,
     tidy_name,
 )
-from ibrid.measurement.importing.told import base_of, doubts_beside, numbers_beside, told_beside
+from ibrid.measurement.importing.told import (
+    base_of,
+    doubts_beside,
+    numbers_beside,
+    rating_beside,
+    told_beside,
+)
 from ibrid.ranges import require_in_range
 
 #: What to do with columns for several operating points.
@@ -132,7 +138,7 @@ class Part:
 def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     stem = f"{table.stem} {table.book}"
     beside = told_beside(stem, table.notes)
-    told: dict[str, Any] = beside | account.said
+    told: dict[str, Any] = rating_beside(table.notes) | beside | account.said
     mind_beside(table.where, beside, account)
     for doubt in doubts_beside(stem, table.notes):
         account.remark(f"{table.where}: {doubt}")

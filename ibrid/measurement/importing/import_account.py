@@ -10,7 +10,7 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.column_words import unit_of
-from ibrid.measurement.importing.told import base_of
+from ibrid.measurement.importing.told import base_beside, base_in_words, base_of
 
 #: How near numbers must be that say the same, as a part and per unit: as near as tables are
 #: printed.
@@ -75,7 +75,11 @@ def bases_of(told: Mapping[str, Any], account: Account) -> tuple[float, float] |
         return base_of(str(told["base"]), "--base")
     power, voltage = (number_said(told.get(key)) for key in ("s_base_va", "v_base_v"))
     if power is None or voltage is None:
-        account.ask("the inverter's base", "--base S_VA,V_LL (such as 10kVA,400V)")
+        rating = base_in_words(*base_beside(told))
+        example = (
+            f"{rating} (as its words say)" if "," in rating else "S_VA,V_LL (such as 10kVA,400V)"
+        )
+        account.ask("the inverter's base", f"--base {example}")
         return None
     return power, voltage
 

@@ -3,9 +3,10 @@ comments and its name.
 """
 
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from math import pi
+from typing import Any
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.column_words import (
@@ -15,6 +16,7 @@ from ibrid.measurement.importing.column_words import (
     unit_of,
     without_unit,
 )
+from ibrid.measurement.sweeps.quantities import engineering
 from ibrid.ranges import require_in_range
 
 _NUMBER = r"[-+−]?(?:\d+(?:[.,]\d+)?|\.\d+)(?:[eE][-+]?\d+)?"
@@ -63,6 +65,17 @@ _WORD_KEYS = {
     "powernode": ("capacitor", "pcc"),
 }
 _KEYS = {"qaxis": "q_axis", "voltageaxis": "voltage_axis", "powernode": "power_node"}
+
+#: A power in VA in words of a file, perhaps with a voltage behind it; a word before both that calls
+#: them a base; words of a line with which they are those of another device.
+_RATING = re.compile(
+    rf"(?<![\w.,])({_NUMBER})\s*([kMG]?VA)\b"
+    rf"(?:\s*(?:[,:;/@]|at|bei|à|a)?\s*({_NUMBER})\s*(k?V)\b)?"
+)
+_CALLED_BASE = re.compile(r"\bbas(e|is)\b[^\d]{0,12}$", re.I)
+_OF_ANOTHER = re.compile(
+    r"tra?n?s?fo|per phase|grid|netz|load|last\b|short|kurz|cable|source|r[eé]seau", re.I
+)
 
 #: A number, with what its unit measures ("" without a unit) in the plain unit of that, its name and
 #: its unit.
@@ -168,11 +181,54 @@ def _named(stem: str) -> list[tuple[str, str, str, str]]:
     return [found[:4] for found in _named_parts(stem) if not found[4]]
 
 
+def rating_beside(notes: Iterable[str]) -> dict[str, Told]:
+    """Power and voltage of the one pair `2.75 MVA / 690 V`, or of the one power, that notes tell:
+    `s_base_va` and `v_base_v` where a word calls the pair a base, else `rating_va` and `rating_v`.
+    """
+    found = [
+        (rating, note[: rating.start()])
+        for note in notes
+        if not _OF_ANOTHER.search(note)
+        for rating in _RATING.finditer(note)
+    ]
+    if len({rating.groups() for rating, _ in found}) != 1:
+        return {}
+    rating, before = found[0]
+    called = _CALLED_BASE.search(before) and rating[3]
+    keys = ("s_base_va", "v_base_v") if called else ("rating_va", "rating_v")
+    name = before.strip(" :=(") or "its words"
+    return {
+        key: _told(_number(value), unit, name)
+        for key, (value, unit) in zip(keys, (rating.group(1, 2), rating.group(3, 4)), strict=True)
+        if value and _number(value) > 0
+    }
+
+
+def base_beside(told: Mapping[str, Any]) -> tuple[float | None, float | None]:
+    """VA and V of the base that a file states, else of the rating in its words."""
+    power, voltage = (
+        next((told[key][0] for key in keys if isinstance(told.get(key), tuple)), None)
+        for keys in (("s_base_va", "rating_va"), ("v_base_v", "rating_v"))
+    )
+    return power, voltage
+
+
+def base_in_words(power: float | None, voltage: float | None) -> str:
+    """`2.75MVA,690V`, as `--base` takes it; one alone where the other is not known."""
+    shown = [
+        engineering(value, unit).replace(" ", "")
+        for value, unit in ((power, "VA"), (voltage, "V"))
+        if value
+    ]
+    return ",".join(shown)
+
+
 def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
     """The numbers of known names, and words of `key: value` or `key = value`; the first of a key
     counts, and none that words beside it may turn.
     """
     entries: dict[str, Told | str] = {}
+    notes = tuple(notes)
     doubted = {pair.name for pair in _pairs(notes) if pair.doubt}
     for name, (value, unit) in numbers_beside(stem, notes).items():
         if name in doubted:
@@ -193,7 +249,8 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
                 entries.setdefault("unit", word)
             if word.lower() in _WORD_KEYS.get(key, ()):
                 entries.setdefault(_KEYS.get(key, key), word.lower())
-    return entries
+    called = {key: told for key, told in rating_beside(notes).items() if key in _BASE_KEYS}
+    return called | entries
 
 
 def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
+from ibrid.measurement.importing.doubts.other_base import agree
 from ibrid.measurement.importing.doubts.transformer_ratio import (
     TransformerDoubt,
     primary_said,
@@ -13,7 +14,13 @@ from ibrid.measurement.importing.doubts.transformer_ratio import (
 )
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.timed.probes import volts_per_ampere
-from ibrid.measurement.importing.told import doubts_beside, told_beside
+from ibrid.measurement.importing.told import (
+    base_beside,
+    base_in_words,
+    doubts_beside,
+    rating_beside,
+    told_beside,
+)
 
 #: Keys of a header, and what their numbers measure.
 _DIMENSIONS = {"s_base_va": "power", "v_base_v": "voltage", "f0_hz": "frequency"}
@@ -35,8 +42,10 @@ class RecordingComments:
     probes: tuple[float, ...]
 
 
-def read_comments(tables: Sequence[ForeignTable]) -> RecordingComments:
-    """Read the comments of tables."""
+def read_comments(
+    tables: Sequence[ForeignTable], base: tuple[float, float] | None = None
+) -> RecordingComments:
+    """Read the comments of tables. base : VA and V that the user says."""
     comments = [line for table in tables for line in table.comments]
     texts = [text for _, text in comments]
     notes = [note.lstrip("#% ") for table in tables for note in table.notes]
@@ -49,7 +58,12 @@ def read_comments(tables: Sequence[ForeignTable]) -> RecordingComments:
         if isinstance(entry, tuple) and entry[1] == dimension:
             value, _, name, unit = entry
             keys[key] = value
+            if base and key in ("s_base_va", "v_base_v"):
+                continue
             remarks.append(f"{key} = {value:g}, from {name} in {unit}")
+    if base and not agree(beside := base_beside(rating_beside(texts) | told), base):
+        own, file = base_in_words(*base), base_in_words(*beside)
+        remarks.append(f"base: {own} as said, while its words state {file}")
     plain = [line for line in comments if not _is_one_of(line[1], keys)]
     doubts = [doubt for doubt in doubts_beside("", texts) if not re.match(r"[PQV]\b", doubt)]
     transformers = transformer_doubts(texts)
