@@ -46,6 +46,8 @@ CHOOSING = 2_000
 COUNTED = 40
 #: Characters of a line beside the numbers that are read for what they say.
 LONGEST_NOTE = 2_000
+#: What stands in a line of units for none.
+_NO_UNIT = ("#", "-", "--", "[-]", "(-)", "[]", "1", "[1]", "n/a")
 #: Lines above the numbers in which names are looked for.
 NAMES_ABOVE = 50
 #: A line that is a power of ten and a sign of multiplication, as MATLAB writes it above numbers
@@ -413,7 +415,7 @@ def _names(
             cells = _glued(cells)
         if len(cells) != width:
             continue
-        bare = [cell.strip("[](){} ") for cell in cells]
+        bare = ["" if cell in _NO_UNIT else cell.strip("[](){} ") for cell in cells]
         units = [unit_of(cell) or size_of(cell) for cell in bare]
         parts = [meaning_of(cell).role in ("re", "im", "mag", "phase") for cell in bare]
         known = [

@@ -22,6 +22,9 @@ from ibrid.measurement.importing.shapes.long_tables import matrix_and_unit
 #: Words of a column that is the magnitude where a phase stands beside it.
 _WHOLE = {"impedance": "Z", "admittance": "Y", "z": "Z", "y": "Y"}
 
+#: Real and imaginary part as impedance spectroscopy writes them: Z', -Z'' (b), Z".
+_PRIMED = re.compile(r"""\s*[-−–]?\s*([YZyz])\s*('{1,2}|")(?!')""")
+
 
 def widened(table: ForeignTable) -> ForeignTable:
     """A table with one row for each entry, which a column names, as one with four entries in a
@@ -79,7 +82,7 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
     for table in tables:
         entry = entry_named(table.stem)
         mapped = parse_map_of_entry(maps, table.columns) if entry else None
-        table = _with_parts_named(table, *mapped) if mapped else _with_magnitude_named(table)
+        table = _with_parts_named(table, *mapped) if mapped else _with_parts_called(table)
         generic = [
             name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")
         ]
@@ -92,6 +95,18 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
             continue
         key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
         groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
+    for table in joined if len(joined) == len(tables) > 1 else ():
+        if not all(entry_named(one.stem) for one in tables) or any(
+            meaning_of(name).role == "matrix" for name in table.columns
+        ):
+            break
+        letter = (re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem) or "ZZ")[1].upper()
+        raise SweepError(
+            f"{table.where} and {len(tables) - 1} more are files with one entry each by their "
+            f"names, whose columns are not known; found {some(table.columns, 12)}, say which: "
+            f"--map freq=#1[Hz],{letter}=#2+j#3 (real and imaginary part) or "
+            f"{letter}=#2[dB]@#3[deg] (magnitude and phase)."
+        )
     for (key, book, folder), members in groups.items():
         grids = {
             n: column
@@ -136,8 +151,19 @@ def _of_the_entry(table: ForeignTable, grids: Collection[str]) -> list[str]:
     return [name for name, role in roles.items() if role]
 
 
-def _with_magnitude_named(table: ForeignTable) -> ForeignTable:
-    """The table whose column Impedance, or Admittance, beside a phase is called a magnitude."""
+def _with_parts_called(table: ForeignTable) -> ForeignTable:
+    """The table whose columns Z' and Z'', which may stand with (a) and (b) behind them, are called
+    real and imaginary part, and whose Impedance, or Admittance, beside a phase a magnitude.
+    """
+    primed = {name: found for name in table.columns if (found := _PRIMED.match(name))}
+    if sorted(len(found[2].replace('"', "''")) for found in primed.values()) == [1, 2]:
+        named = {}
+        for name, found in primed.items():
+            unit = meaning_of(name).unit
+            part = "re" if found[2] == "'" else "im"
+            named[name] = f"{found[1].upper()}_{part}" + f" [{unit}]" * bool(unit)
+        columns = {named.get(name, name): column for name, column in table.columns.items()}
+        table = replace(table, columns=columns)
     meanings = {name: meaning_of(name) for name in table.columns}
     roles = {one.role for one in meanings.values()}
     if "phase" not in roles or "mag" in roles:
