@@ -2,9 +2,11 @@
 sentence must say where something is missing or wrong.
 """
 
+import json
 from pathlib import Path
 
 import numpy as np
+import openpyxl
 import pytest
 from collecting import each_of
 
@@ -176,3 +178,229 @@ def test_the_base_of_a_recording_that_its_comments_say_otherwise_is_remarked(tmp
     )
     remarks = read_events(path, **SAID)["dip"].remarks
     assert "base: 2.5MVA,20kV as said, while its words state 3MVA,20kV" in remarks
+
+
+def of_entry(head: str, rows: str, end: str = "", change=lambda z: z) -> dict[str, str]:
+    """A file for each entry of the impedance, current in. rows : the form of a row with f, re, im,
+    mag, deg, k.
+    """
+    files = {}
+    for entry, place in ENTRIES.items():
+        lines = [
+            rows.format(
+                k=k, f=f, re=z.real, im=z.imag, nim=-z.imag, mag=abs(z), deg=np.degrees(np.angle(z))
+            )
+            for k, (f, z) in enumerate(zip(FREQUENCY, change(IMPEDANCE)[:, *place], strict=True))
+        ]
+        files[f"scan_Z{entry}"] = head.format(entry=entry) + "\n".join([*lines, end])
+    return files
+
+
+GAMRY = (
+    "EXPLAIN\nTAG\tEISPOT\nTITLE\tLABEL\tEIS Z{entry}\tTest Identifier\n"
+    "FREQINIT\tQUANT\t5.0E+003\tInitial Freq. (Hz)\nZCURVE\tTABLE\n"
+    "\tPt\tTime\tFreq\tZreal\tZimag\tZsig\tZmod\tZphz\tIdc\tVdc\tIERange\n"
+    "\t#\ts\tHz\tohm\tohm\tV\tohm\t°\tA\tV\t#\n"
+)
+SPECTROSCOPY = {
+    "Gamry": (GAMRY, "\t{k}\t{k}\t{f:.9g}\t{re:.9g}\t{im:.9g}\t1\t{mag:.9g}\t{deg:.9g}\t0\t0\t9"),
+    "ZPlot": (
+        "ZPLOT2 ASCII\n  Data Points: 16\n  End Comments\n"
+        "Freq(Hz)\tAmpl\tBias\tTime(Sec)\tZ'(a)\tZ''(b)\tGD\tErr\tRange\n",
+        "{f:.9g}\t0.01\t0\t{k}\t{re:.9g}\t{im:.9g}\t0\t0\t3",
+    ),
+    "NOVA": (
+        "Index;Frequency (Hz);Z' (Ω);-Z'' (Ω);Z (Ω);-Phase (°);Time (s)\n",
+        "{k};{f:.9g};{re:.9g};{nim:.9g};{mag:.9g};0;{k}",
+    ),
+    "EC-Lab": (
+        "freq/Hz\tRe(Z)/Ohm\t-Im(Z)/Ohm\t|Z|/Ohm\tPhase(Z)/deg\ttime/s\n",
+        "{f:.9g}\t{re:.9g}\t{nim:.9g}\t{mag:.9g}\t{deg:.9g}\t{k}",
+    ),
+    "Hioki": ("No.,FREQ[Hz],Z[ohm],PHASE[deg]\n", "{k},{f:.9g},{mag:.9g},{deg:.9g}"),
+    "Keysight": (
+        "!Format,AC\nFrequency(Hz), |Z|(Ohm), θz(deg)\n",
+        "{f:.9g},{mag:.9g},{deg:.9g}",
+    ),
+    "R and X": ("f [Hz];R [Ohm];X [Ohm]\n", "{f:.9g};{re:.9g};{im:.9g}"),
+    "Zahner": (
+        "Number      Frequency/Hz    Impedance/Ohm       Phase/deg\n",
+        "{k}   {f:.9g}   {mag:.9g}  {deg:.9g}",
+    ),
+    "French": (
+        "Fréquence (Hz);Module (Ω);Déphasage (°)\n",
+        "{f:.9g};{mag:.9g};{deg:.9g}",
+    ),
+    "German": (
+        "Frequenz in Hz;Widerstand in Ohm;Reaktanz in Ohm\n",
+        "{f:.9g};{re:.9g};{im:.9g}",
+    ),
+}
+
+
+@each_of("make", SPECTROSCOPY)
+def test_files_of_impedance_spectroscopy_with_one_entry_each_are_read(tmp_path, make):
+    head, rows = SPECTROSCOPY[make]
+    paths = []
+    for name, text in of_entry(head, rows).items():
+        paths.append(tmp_path / f"{name}.txt")
+        paths[-1].write_text(text, encoding="utf-8")
+    read = import_files(paths, **BASE, **IN, **REST, unit="ohm")
+    assert error(read.answered()) < 1e-6
+
+
+def test_files_of_entries_whose_columns_are_not_known_are_asked_for_by_them(tmp_path):
+    paths = []
+    for name, text in of_entry("aa,bb,cc\n", "{f:.9g},{re:.9g},{im:.9g}").items():
+        paths.append(tmp_path / f"{name}.csv")
+        paths[-1].write_text(text)
+    with pytest.raises(SweepError, match=r"one entry each.*aa, bb, cc.*--map freq=#1") as raised:
+        import_files(paths, **BASE, **IN, **REST)
+    assert "Z=#2+j#3" in str(raised.value)
+    read = import_files(paths, ["freq=#1[Hz],Z=#2[ohm]+j#3[ohm]"], **BASE, **IN, **REST)
+    assert error(read.answered()) < 1e-6
+
+
+def labview(folder: Path) -> str:
+    units = "\t".join(["dB", "deg"] * 4)
+    names = "\t".join(f"Y{e} magnitude\tY{e} phase" for e in ENTRIES)
+    lines = [
+        "LabVIEW Measurement\t",
+        "Separator\tTab",
+        "***End_of_Header***\t",
+        "\t",
+        "Channels\t8",
+        f"Y_Unit_Label\t{units}",
+        "X_Dimension\tFrequency",
+        "***End_of_Header***\t",
+        f"X_Value\t{names}\tComment",
+    ]
+    for f, y in zip(FREQUENCY, ADMITTANCE.reshape(-1, 4), strict=True):
+        cells = [f"{f:.9g}"]
+        for one in y:
+            cells += [f"{20 * np.log10(abs(one)):.9g}", f"{np.degrees(np.angle(one)):.9g}"]
+        lines.append("\t".join(cells))
+    return "\n".join(lines) + "\n"
+
+
+def blocks(folder: Path) -> str:
+    text = "% dq admittance scan, Sbase 2.75 MVA, Vbase 690 V (LL rms), 60 Hz\n"
+    for k, q in enumerate((0.825, -0.825)):
+        y = np.array(SWEEP.points[k].admittance) / Z_BASE
+        table = scan(matrix=y, mark=" ").replace("freq_hz", "f(Hz)").replace(" [S]", "")
+        text += f"% Case {k + 1}: P = 2.75 MW, Q = {q} Mvar\n{table}\n"
+    return text
+
+
+def rows_and_columns(folder: Path) -> str:
+    text = "case,P_MW,Q_Mvar,f_Hz,row,col,G_S,B_S\n"
+    for k, q in enumerate((0.825, -0.825)):
+        y = np.array(SWEEP.points[k].admittance) / Z_BASE
+        for f, matrix in zip(FREQUENCY, y, strict=True):
+            for i, j in ENTRIES.values():
+                one = matrix[i, j]
+                text += f"C{k},2.75,{q},{f:.9g},{i + 1},{j + 1},{one.real:.9g},{one.imag:.9g}\n"
+    return text
+
+
+def nested(folder: Path) -> str:
+    entries = {
+        name: {"re": ADMITTANCE[:, *at].real.tolist(), "im": ADMITTANCE[:, *at].imag.tolist()}
+        for name, at in ENTRIES.items()
+    }
+    sweep = {"freq_hz": FREQUENCY.tolist(), "Y": entries}
+    return json.dumps({"device": "inverter", "sweep": sweep, "P_W": 2.75e6, "Q_var": 0.825e6})
+
+
+def rscad(folder: Path) -> str:
+    names = ",".join(f"Y{e.upper()}_MAG,Y{e.upper()}_PHS" for e in ENTRIES)
+    units = ",".join(["S,Degrees"] * 4)
+    lines = [f"FREQ,{names}", f"Hz,{units}"]
+    for f, y in zip(FREQUENCY, ADMITTANCE.reshape(-1, 4), strict=True):
+        cells = [f"{abs(one):.9g},{np.degrees(np.angle(one)):.9g}" for one in y]
+        lines.append(",".join([f"{f:.9g}", *cells]))
+    return "\n".join(lines) + "\n"
+
+
+LAYOUTS = {
+    "scan.lvm": (labview, {**REST, "unit": "S"}, 1),
+    "blocks.txt": (blocks, {"unit": "S"}, 2),
+    "long.csv": (rows_and_columns, {}, 2),
+    "scan.json": (nested, {"unit": "S"}, 1),
+    "rscad.csv": (rscad, REST, 1),
+}
+
+
+@each_of("name", LAYOUTS)
+def test_further_layouts_become_the_sweep_that_they_were_written_from(tmp_path, name):
+    write, said, count = LAYOUTS[name]
+    read = imported(tmp_path, write(tmp_path), name, **{**BASE, **OUT, **said}).answered()
+    assert len(read.points) == count
+    assert [read.points[k].op.q for k in range(count)] == pytest.approx([0.3, -0.3][:count])
+    assert max(error(read, k) for k in range(count)) < 1e-6
+
+
+def test_p_and_q_in_one_cell_of_a_workbook_are_both_read(tmp_path):
+    book = openpyxl.Workbook()
+    sheet = book.active
+    sheet.append(["Operating point", "P = 2750 kW, Q = 825 kvar"])
+    sheet.append(["freq [Hz]", *(f"Y{e} {part} [S]" for e in ENTRIES for part in ("re", "im"))])
+    for f, y in zip(FREQUENCY, np.ascontiguousarray(ADMITTANCE).reshape(-1, 4), strict=True):
+        sheet.append([float(f), *map(float, y.view(float))])
+    book.save(tmp_path / "scan.xlsx")
+    point = import_files([tmp_path / "scan.xlsx"], **BASE, **OUT).answered().points[0].op
+    assert (point.p, point.q) == pytest.approx((1.0, 0.3))
+
+
+TURN = np.array([[1, 1j], [1, -1j]]) / np.sqrt(2)
+POSITIVE_SCANS = {
+    "PowerFactory": (
+        '"Sweep";"PCC";"PCC"\n"b:fnow in Hz";"m:R1 in Ohm";"m:X1 in Ohm"\n',
+        "{f:.9g};{re:.9g};{im:.9g}\n",
+    ),
+    "PowerFactory, magnitude": (
+        "b:fnow in Hz;m:Z1 in Ohm;m:phiz1 in deg\n",
+        "{f:.9g};{mag:.9g};{deg:.9g}\n",
+    ),
+    "PSCAD": (
+        "   Harmonic Impedance Results\n   Freq(Hz)      Z+(ohms)        Ph+(deg)\n",
+        " {f:.9g}  {mag:.9g}  {deg:.9g}\n",
+    ),
+}
+
+
+@each_of("make", POSITIVE_SCANS)
+def test_impedances_of_the_positive_sequence_of_planning_programs_are_read_as_such(tmp_path, make):
+    """Z1 at the frequency in the network, f + f0, current in; what lacks is said."""
+    head, row = POSITIVE_SCANS[make]
+    z = 1 / (TURN @ -ADMITTANCE @ np.linalg.inv(TURN))[:, 0, 0]
+    rows = [
+        row.format(f=f + 60, re=one.real, im=one.imag, mag=abs(one), deg=np.degrees(np.angle(one)))
+        for f, one in zip(FREQUENCY, z, strict=True)
+    ]
+    read = imported(tmp_path, head + "".join(rows), "fsweep.csv", f0_hz=60.0, **BASE, **REST)
+    assert any("the positive sequence alone was measured" in one for one in read.remarks)
+    point = read.answered().points[0]
+    found = (TURN @ np.array(point.admittance) @ np.linalg.inv(TURN))[:, 0, 0]
+    places = [int(np.argmin(abs(FREQUENCY - f))) for f in point.frequency]
+    assert found == pytest.approx(-Z_BASE / z[places], rel=1e-5)
+
+
+def test_a_magnitude_and_a_phase_that_are_exchanged_are_named(tmp_path):
+    swapped = rscad(tmp_path).splitlines()
+    for k in range(2, len(swapped)):
+        cells = swapped[k].split(",")
+        cells[3], cells[4] = cells[4], cells[3]
+        swapped[k] = ",".join(cells)
+    with pytest.raises(SweepError, match="probably exchanged") as raised:
+        imported(tmp_path, "\n".join(swapped) + "\n", **BASE, **OUT, **REST)
+    said = str(raised.value).split("--map ")[1].rstrip(".")
+    read = import_files([tmp_path / "scan.csv"], [said], **BASE, **OUT, **REST)
+    assert error(read.answered()) < 1e-6
+
+
+def test_a_base_that_was_said_is_not_asked_for_again(tmp_path):
+    text = rscad(tmp_path).replace("S,Degrees", ",Degrees")
+    asked = imported(tmp_path, text, **BASE, **OUT, **REST).asked
+    assert "--unit S" in asked
+    assert "--base" not in asked

@@ -245,7 +245,7 @@ def test_files_of_known_makes_are_asked_for_what_neither_they_nor_their_make_say
     point, plain = ("--p", "1", "--q", "0.2"), ("--f0-hz", "50", "--base", "10kVA,400V")
     expected = {
         ("a.s2p", "--base", "10kVA,400V"): (
-            "--unit pu or --unit S --base",
+            "--unit pu or --unit S;",
             "--f0-hz 50 or --f0-hz 60",
         ),
         ("a.s2p", "--unit", "S", *plain): (

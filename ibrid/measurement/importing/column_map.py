@@ -10,9 +10,10 @@ from ibrid.measurement.importing.column_words import unit_of
 
 #: What can be mapped in a file that holds one entry, whose name says which.
 OF_ONE_ENTRY = ("Y", "Z")
+FREQUENCIES = ("freq", "omega")
 #: What can be mapped.
 ROLES = (
-    *("freq", "omega", "op", "p", "q", "v", "sigma", "repeat", "amplitude"),
+    *(*FREQUENCIES, "op", "p", "q", "v", "sigma", "repeat", "amplitude"),
     *(
         f"{word}{entry}"
         for word in ("sigma_", "Y", "Z")
@@ -64,20 +65,27 @@ def parse_map(
     return sources
 
 
-def parse_map_of_entry(texts: Iterable[str], known: Iterable[str]) -> tuple[str, Source] | None:
-    """Y or Z, and what it is made of in a file with one entry (`Z=#2[dB]@#3[deg]`); None where
-    nobody says it.
+def parse_map_of_entry(texts: Iterable[str], known: Iterable[str]) -> dict[str, Source]:
+    """What is said of a file with one entry: Y or Z and what it is made of (`Z=#2[dB]@#3[deg]`),
+    and with it the column of frequencies.
     """
     columns = tuple(known)
-    for role, value in _items(texts):
-        if role in OF_ONE_ENTRY:
-            return role, _source(value, columns, {}, role)
-    return None
+    items = dict(_items(texts))
+    if not items.keys() & {*OF_ONE_ENTRY}:
+        return {}
+    return {
+        role: _source(value, columns, {}, role)
+        for role, value in items.items()
+        if role in (*OF_ONE_ENTRY, *FREQUENCIES)
+    }
 
 
 def without_map_of_entry(texts: Iterable[str]) -> tuple[str, ...]:
     """What is mapped beside that."""
-    return tuple(f"{role}={value}" for role, value in _items(texts) if role not in OF_ONE_ENTRY)
+    items = [*_items(texts)]
+    of_entry = any(role in OF_ONE_ENTRY for role, _ in items)
+    idle = (*OF_ONE_ENTRY, *FREQUENCIES) if of_entry else ()
+    return tuple(f"{role}={value}" for role, value in items if role not in idle)
 
 
 def _items(texts: Iterable[str]) -> Iterator[tuple[str, str]]:

@@ -117,11 +117,13 @@ def unsaid_decibels(
         elif not dimension:
             above.append(source)
         if negative and dimension not in ("", "decibel"):
+            _refuse_exchanged(table, source, polar)
             raise _negative_magnitude(table, source, f" in {unit_written(source)}")
     if (unit_of(said_unit) or ("",))[0] == "decibel":
         account.decibels.setdefault(True, table.where)
         return True
     if below and above:
+        _refuse_exchanged(table, below[0], polar)
         raise _negative_magnitude(
             table, below[0], f", while no {above[0].columns[0]} is below zero"
         )
@@ -143,6 +145,28 @@ def unsaid_decibels(
     if decibel:
         account.remark("magnitudes taken as dB, as those of each entry go below zero")
     return decibel
+
+
+def _refuse_exchanged(table: ForeignTable, source: Source, polar: Sequence[Source]) -> None:
+    """Raise SweepError where the phase beside a negative magnitude is nowhere below zero, while
+    magnitudes of others are not and their phases are.
+    """
+    others = [one for one in polar if one is not source]
+    first, second = ([table.columns[one.columns[k]] for one in others] for k in (0, 1))
+    size, phase = source.columns
+    columns = [table.columns[phase], *first, *second]
+    if not others or any(column.dtype.kind != "f" for column in columns):
+        return
+    least = [float(np.nanmin(column, initial=0.0)) for column in columns]
+    meaning, names = meaning_of(size), list(table.columns)
+    places = [names.index(name) + 1 for name in source.columns]
+    if least[0] >= 0 and min(least[1 : len(first) + 1]) >= 0 > min(least[len(first) + 1 :]):
+        raise SweepError(
+            f"{table.where}: {size} and {phase} are probably exchanged; found numbers below zero "
+            f"in the magnitude and none in the phase, exchange their names, or add --map "
+            f"{meaning.letter}{meaning.entry}=#{places[1]}[{meaning.unit or 'pu'}]"
+            f"@#{places[0]}[{meaning_of(phase).unit or 'deg'}]."
+        )
 
 
 def _dimension(source: Source) -> str:

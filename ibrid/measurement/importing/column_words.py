@@ -55,7 +55,7 @@ _BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART_BEHIND})?"
 _MATRIX, _POSITIVE = (re.compile(_BEFORE + entry + _BEHIND) for entry in (_ENTRY, _ALONE))
 _SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?")
 ROLE_NAMES: dict[str, str] = {
-    part: f"(value|y|z)?({words})" for part, words in _PARTS.items()
+    part: f"(value|y|z)?({words})|({words})(of)?[yz]" for part, words in _PARTS.items()
 } | _WORDS["roles"]
 _DIMENSIONS = {
     "freq": ("frequency",),
@@ -71,6 +71,9 @@ _RADIANS = re.compile(
 _UNIT_AT_END = re.compile(
     rf"(.+?)(?:(?<!\s)\s*/\s*|(?<!\s)\s+in\s+|(?<![\s_])[\s_]+)({_RADIANS.pattern}|[A-Za-zΩµμ°%./]{{1,40}})"
 )
+#: How PowerFactory begins the name of a variable: of a bus, monitored, calculated.
+_PROGRAM = re.compile(r"^[a-z]:(?=[A-Za-z])")
+_OF_LETTERS = {"R": ("Z", "re"), "X": ("Z", "im"), "G": ("Y", "re"), "B": ("Y", "im")}
 _NUMBERED = {"11": "dd", "12": "dq", "21": "qd", "22": "qq"}
 _SEQUENCE = {"11": "pp", "12": "pn", "21": "np", "22": "nn"}
 
@@ -101,7 +104,7 @@ class Meaning:
 
 def meaning_of(name: str) -> Meaning:
     """Read the name of a column; `Meaning()` where it says nothing known."""
-    meaning = _meaning(name)
+    meaning = _meaning(_PROGRAM.sub("", name.strip()))
     if not meaning.role and ": " in name:
         meaning = _behind_labels(name, meaning)
     sign = CONJUGATE_SIGN.search(without_unit(name)[0])
@@ -152,11 +155,17 @@ def _meaning(name: str) -> Meaning:
     if matched is None:
         for role, pattern in ROLE_NAMES.items():
             if re.fullmatch(pattern, compact) and role not in _DIMENSIONS:
-                letter = compact[0].upper() if role in _PARTS and compact[0] in "yz" else ""
+                ends = (compact[0], compact[-1]) if role in _PARTS else ()
+                letter = next((end.upper() for end in ends if end in "yz"), "")
                 return Meaning(role, letter=_letter(letter, dimension), **measured)
+        for letter, pattern in _WORDS["alone"].items():
+            of, part = _OF_LETTERS[letter]
+            if _letter("", dimension) == of and re.fullmatch(pattern, compact):
+                return Meaning(part, letter=of, **measured)
         matched = _POSITIVE.fullmatch(compact)
+        of_phase = matched is not None and matched["aphase"] and "plus" in matched["entry"]
         if matched is None or not (
-            matched["letter"] or matched["word"] or matched["entry"].startswith("pos")
+            matched["letter"] or matched["word"] or matched["entry"].startswith("pos") or of_phase
         ):
             return Meaning(**measured)
     groups = matched.groupdict()

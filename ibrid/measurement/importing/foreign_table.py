@@ -139,15 +139,17 @@ def _unmasked(column: Any) -> np.ndarray:
 
 
 def text_table(
-    lines: Sequence[str], where: str, stem: str, form: NumberFormat = UNSAID
+    lines: Sequence[str], where: str, stem: str, form: NumberFormat = UNSAID, before: int = 0
 ) -> ForeignTable:
     """The separator is that which makes the most numbers in rows of one length; numbers have a
     decimal comma where that makes more of them.
+
+    before : lines of the file before these.
     """
-    numbered = [(number, line) for number, line in enumerate(lines, 1) if line.strip()]
+    numbered = [(n, line) for n, line in enumerate(lines, 1 + before) if line.strip()]
     separator, comma = _separator(numbered, where, form)
     rows = [(number, _cells(line, separator)) for number, line in numbered]
-    marked = [number for number, _ in rows if _MARKS.match(lines[number - 1])]
+    marked = [number for number, _ in rows if _MARKS.match(lines[number - 1 - before])]
     # a comma that parts cells is no decimal mark of them, nor is a point then one of thousands
     supposed = "." if separator == "," and not comma else ""
     table = rows_table(rows, marked, where, stem, comma, form, supposed=supposed)
@@ -344,6 +346,7 @@ def rows_table(
         if (mark == ",") != comma:
             columns[name] = _column(written[name], mark == ",", form)
     above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
+    above = [re.sub(r"\t(?=[^\t=:]{1,20}[=:][^\t]*\d)", "; ", line) for line in above]
     above = [
         re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ")
         for line in above

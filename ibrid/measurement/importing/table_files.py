@@ -27,6 +27,7 @@ from ibrid.measurement.importing.models.matlab_objects import refuse_objects
 from ibrid.measurement.importing.models.state_spaces import state_space_tables
 from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
 from ibrid.measurement.importing.numbers.percent import scaled_once, shown_beside_names
+from ibrid.measurement.importing.shapes.parts_of_text import blocks_of, labview_named
 
 #: Two characters of Chinese beside each other: one alone may be two letters of another language, as
 #: in Größe.
@@ -63,7 +64,7 @@ def read_tables(
         _MAKES.get(_HDF5 if begin == _HDF5 else suffix_of(path)) or _MAKES.get(begin),
     )
     if made is None:
-        return [text_table(_decoded(content, where), where, stem_of(path), form)]
+        return _of_text(_decoded(content, where), where, stem_of(path), form)
     if made[0] is binary.json_cells and (
         models := state_space_tables(json_model(content), where, stem_of(path), at)
     ):
@@ -109,6 +110,16 @@ def read_tables(
             replace(table, book=stem_of(path) * several, remarks=(*remarks, *table.remarks))
         )
     return tables
+
+
+def _of_text(lines: list[str], where: str, stem: str, form: NumberFormat) -> list[ForeignTable]:
+    blocks = blocks_of(labview_named(lines))
+    if len(blocks) == 1:
+        return [text_table(blocks[0][1], where, stem, form)]
+    return [
+        text_table(own, where, f"{stem} {k}", form, before)
+        for k, (before, own) in enumerate(blocks, 1)
+    ]
 
 
 def json_model(content: bytes) -> dict[str, np.ndarray]:

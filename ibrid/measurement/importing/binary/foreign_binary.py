@@ -14,6 +14,7 @@ from ibrid.foreign_data import json_in
 from ibrid.measurement.importing.binary.comtrade_cfg import plain_cfg
 from ibrid.measurement.importing.binary.hidden_rows import hidden_rows
 from ibrid.measurement.importing.binary.percent_cells import percent_cells
+from ibrid.measurement.importing.column_words import meaning_of
 from ibrid.measurement.importing.models.matlab_objects import CLASSES, classes_among
 
 #: Under which it stands among the sheets what is hidden in a workbook, in words.
@@ -202,11 +203,23 @@ def _with_comments(held: dict[str, Any]) -> list[Any]:
     for name, value in held.items():
         if not isinstance(value, dict):
             lists[name] = value
-        elif any(isinstance(part, list) for part in value.values()):
-            lists |= {f"{name}_{part}": column for part, column in value.items()}
+        elif inner := _lists_within(name, value):
+            lists |= inner
         else:
             comments += [[f"# {key}: {word}"] for key, word in value.items()]
     return [*comments, *_rows_of_lists(lists)]
+
+
+def _lists_within(name: str, value: dict[str, Any]) -> dict[str, Any]:
+    """The parts of an object that holds lists at any depth, Y_dd_re of {"dd": {"re": [..]}}, else
+    nothing; those of one with frequencies, which wraps a sweep, under their own names.
+    """
+    wraps = any(meaning_of(key).role in ("freq", "omega") for key in value)
+    parts: dict[str, Any] = {}
+    for key, part in value.items():
+        own = key if wraps else f"{name}_{key}"
+        parts |= (isinstance(part, dict) and _lists_within(own, part)) or {own: part}
+    return parts if any(isinstance(part, list) for part in parts.values()) else {}
 
 
 def _rows_of_lists(held: dict[str, Any]) -> list[Any]:

@@ -1,14 +1,14 @@
 """The four entries of a matrix that stand apart, in rows or in files of their own, side by side."""
 
 import re
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ibrid.errors import SweepError, some
-from ibrid.measurement.importing.column_map import Source, parse_map_of_entry
+from ibrid.measurement.importing.column_map import FREQUENCIES, Source, parse_map_of_entry
 from ibrid.measurement.importing.column_words import (
     Meaning,
     entry_named,
@@ -81,8 +81,8 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
     groups: dict[tuple[str, str, Path], list[tuple[str, ForeignTable]]] = {}
     for table in tables:
         entry = entry_named(table.stem)
-        mapped = parse_map_of_entry(maps, table.columns) if entry else None
-        table = _with_parts_named(table, *mapped) if mapped else _with_parts_called(table)
+        mapped = parse_map_of_entry(maps, table.columns) if entry else {}
+        table = _with_parts_named(table, mapped) if mapped else _with_parts_called(table)
         generic = [
             name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")
         ]
@@ -111,7 +111,7 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
         grids = {
             n: column
             for n, column in members[0][1].columns.items()
-            if meaning_of(n).role in ("freq", "omega")
+            if meaning_of(n).role in FREQUENCIES
         }
         columns = dict(grids)
         for entry, table in members:
@@ -180,25 +180,35 @@ def _with_parts_called(table: ForeignTable) -> ForeignTable:
     return replace(table, columns=columns)
 
 
-def _with_parts_named(table: ForeignTable, letter: str, source: Source) -> ForeignTable:
-    """The table whose two columns of an entry are called what they are said to be."""
-    if not source.joined:
-        raise SweepError(
-            f"{table.where}: --map {letter}=.. must name two columns, {letter}=MAG[dB]@PHASE[deg] "
-            f"or {letter}=RE+jIM; found one."
-        )
-    parts, units = {
-        "@": (("mag", "phase"), (source.unit, source.angle)),
-        "j": (("re", "im"), (source.unit, source.imaginary or source.unit)),
-    }[source.joined]
+def _with_parts_named(table: ForeignTable, mapped: Mapping[str, Source]) -> ForeignTable:
+    """The table whose two columns of an entry, and frequencies, are called what they are said to
+    be.
+    """
     named = {}
-    for column, part, said in zip(source.columns, parts, units, strict=True):
-        unit = said or meaning_of(column).unit
-        named[column] = f"{letter}_{part} [{unit}]" if unit else f"{letter}_{part}"
+    for letter, source in mapped.items():
+        if letter in FREQUENCIES:
+            unit = source.unit or meaning_of(source.columns[0]).unit
+            named[source.columns[0]] = f"{letter} [{unit}]" if unit else letter
+            continue
+        if not source.joined:
+            raise SweepError(
+                f"{table.where}: --map {letter}=.. must name two columns, "
+                f"{letter}=MAG[dB]@PHASE[deg] or {letter}=RE+jIM; found one."
+            )
+        parts, units = {
+            "@": (("mag", "phase"), (source.unit, source.angle)),
+            "j": (("re", "im"), (source.unit, source.imaginary or source.unit)),
+        }[source.joined]
+        for column, part, said in zip(source.columns, parts, units, strict=True):
+            unit = said or meaning_of(column).unit
+            named[column] = f"{letter}_{part} [{unit}]" if unit else f"{letter}_{part}"
+    other = {"re", "im", "mag", "phase"} | (
+        {*FREQUENCIES} if mapped.keys() & {*FREQUENCIES} else set()
+    )
     columns = {
         named.get(name, name): column
         for name, column in table.columns.items()
-        if name in named or meaning_of(name).role not in ("re", "im", "mag", "phase")
+        if name in named or meaning_of(name).role not in other
     }
     return replace(table, columns=columns)
 
