@@ -63,7 +63,7 @@ _OF_TABLES = ("channels", "ratio")
 #: Endings of files of which only the names of their columns say whether they hold records or a
 #: sweep.
 WORKBOOKS = (".xlsx", ".xlsm", ".xls", ".ods", ".parquet", ".mat", ".h5", ".hdf5", ".npz", ".json")
-TEXTS = ("", ".csv", ".txt", ".tsv", ".dat", ".asc", ".adf", ".prn", ".tab", ".log")
+TEXTS = ("", ".csv", ".txt", ".tsv", ".dat", ".asc", ".adf", ".prn", ".tab", ".log", ".lvm")
 
 
 @takes_kinds

@@ -113,14 +113,12 @@ def exchanged_diagonal(sweep: Sweep, noise: Mapping[str, PointNoise]) -> str:
     if len(sweep.points) == 1 and sweep.points[0].frequency[0] > ALONE_HZ:
         return ""
     for point in sweep.points:
-        admittance = np.array(point.admittance)
-        admittance[:, [0, 1], [0, 1]] = point.admittance[:, [1, 0], [1, 0]]
+        admittance = np.where(np.eye(2), point.admittance[:, ::-1, ::-1], point.admittance)
         level, power = noise[point.op.name], complex(point.op.p, point.op.q)
         other = angle_reading(PointSweep(point.op, point.frequency, admittance), level)
         own = angle_reading(point, level)
-        if abs(power.real) < LOADED or other is None or other.off(power) > ODD:
-            return ""
-        if own is not None and (own.off(power) < 2 * ODD or own.off(-power.conjugate()) < 2 * ODD):
+        near = own is not None and min(map(own.off, (power, -power.conjugate()))) < 2 * ODD
+        if near or abs(power.real) < LOADED or other is None or other.off(power) > ODD:
             return ""
     return (
         "the lowest frequencies show p in Ydd, where a device that turns with the voltage has it "

@@ -11,6 +11,7 @@ from ibrid.measurement.importing.column_words import unit_of
 #: What can be mapped in a file that holds one entry, whose name says which.
 OF_ONE_ENTRY = ("Y", "Z")
 FREQUENCIES = ("freq", "omega")
+_IN_EACH_FILE = (*OF_ONE_ENTRY, *FREQUENCIES)
 #: What can be mapped.
 ROLES = (
     *(*FREQUENCIES, "op", "p", "q", "v", "sigma", "repeat", "amplitude"),
@@ -66,26 +67,20 @@ def parse_map(
 
 
 def parse_map_of_entry(texts: Iterable[str], known: Iterable[str]) -> dict[str, Source]:
-    """What is said of a file with one entry: Y or Z and what it is made of (`Z=#2[dB]@#3[deg]`),
-    and with it the column of frequencies.
+    """What is said of the columns of a file with one entry: Y or Z and what it is made of
+    (`Z=#2[dB]@#3[deg]`), and its frequencies.
     """
     columns = tuple(known)
-    items = dict(_items(texts))
-    if not items.keys() & {*OF_ONE_ENTRY}:
-        return {}
     return {
         role: _source(value, columns, {}, role)
-        for role, value in items.items()
-        if role in (*OF_ONE_ENTRY, *FREQUENCIES)
+        for role, value in _items(texts)
+        if role in _IN_EACH_FILE
     }
 
 
 def without_map_of_entry(texts: Iterable[str]) -> tuple[str, ...]:
     """What is mapped beside that."""
-    items = [*_items(texts)]
-    of_entry = any(role in OF_ONE_ENTRY for role, _ in items)
-    idle = (*OF_ONE_ENTRY, *FREQUENCIES) if of_entry else ()
-    return tuple(f"{role}={value}" for role, value in items if role not in idle)
+    return tuple(f"{role}={value}" for role, value in _items(texts) if role not in _IN_EACH_FILE)
 
 
 def _items(texts: Iterable[str]) -> Iterator[tuple[str, str]]:

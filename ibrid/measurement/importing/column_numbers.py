@@ -107,9 +107,8 @@ def unsaid_decibels(
     below, above, said = [], [], []
     for source in polar:
         name = source.columns[0]
-        require_real(table, name)
         dimension = _dimension(source)
-        negative = bool((table.columns[name] < 0).any())
+        negative = _is_below(table, name)
         if dimension == "decibel":
             said.append(source)
         elif negative:
@@ -149,24 +148,25 @@ def unsaid_decibels(
 
 def _refuse_exchanged(table: ForeignTable, source: Source, polar: Sequence[Source]) -> None:
     """Raise SweepError where the phase beside a negative magnitude is nowhere below zero, while
-    magnitudes of others are not and their phases are.
+    phases of other entries are.
     """
-    others = [one for one in polar if one is not source]
-    first, second = ([table.columns[one.columns[k]] for one in others] for k in (0, 1))
     size, phase = source.columns
-    columns = [table.columns[phase], *first, *second]
-    if not others or any(column.dtype.kind != "f" for column in columns):
+    positive = [name for _, name in (one.columns for one in polar) if not _is_below(table, name)]
+    if positive != [phase] or len(polar) < 2:
         return
-    least = [float(np.nanmin(column, initial=0.0)) for column in columns]
-    meaning, names = meaning_of(size), list(table.columns)
-    places = [names.index(name) + 1 for name in source.columns]
-    if least[0] >= 0 and min(least[1 : len(first) + 1]) >= 0 > min(least[len(first) + 1 :]):
-        raise SweepError(
-            f"{table.where}: {size} and {phase} are probably exchanged; found numbers below zero "
-            f"in the magnitude and none in the phase, exchange their names, or add --map "
-            f"{meaning.letter}{meaning.entry}=#{places[1]}[{meaning.unit or 'pu'}]"
-            f"@#{places[0]}[{meaning_of(phase).unit or 'deg'}]."
-        )
+    meaning, names = meaning_of(size), [*table.columns]
+    raise SweepError(
+        f"{table.where}: {size} and {phase} are probably exchanged; found numbers below zero in "
+        "the magnitude and none in the phase, exchange their names, or add --map "
+        f"{meaning.letter}{meaning.entry}=#{names.index(phase) + 1}[{meaning.unit or 'pu'}]"
+        f"@#{names.index(size) + 1}[{meaning_of(phase).unit or 'deg'}]."
+    )
+
+
+def _is_below(table: ForeignTable, name: str) -> bool:
+    """Whether a column has numbers below zero."""
+    require_real(table, name)
+    return bool((table.columns[name] < 0).any())
 
 
 def _dimension(source: Source) -> str:

@@ -64,6 +64,8 @@ _DIMENSIONS = {
 }
 _DIMENSIONS |= dict.fromkeys("pq", ("power", "per unit"))
 _PER_SECOND = (("omega", "1/s"), ("omega", "s^-1"))
+#: What answers to what: id/vq is Ydq, vd/iq is Zdq.
+_ANSWER = re.compile(r"\b(?:(i)|[vu])_?([dq])\s*/\s*(?(1)[vu]|i)_?([dq])(?![^\W_])", re.IGNORECASE)
 _RADIANS = re.compile(
     r"(k?)rad(?:ian)?s?[\s_]*+(?:/|per|p|[.·*_])?[\s_]*+s(?:ec(?:ond)?s?)?(?:\^?-1)?", re.IGNORECASE
 )
@@ -73,7 +75,6 @@ _UNIT_AT_END = re.compile(
 )
 #: How PowerFactory begins the name of a variable: of a bus, monitored, calculated.
 _PROGRAM = re.compile(r"^[a-z]:(?=[A-Za-z])")
-_OF_LETTERS = {"R": ("Z", "re"), "X": ("Z", "im"), "G": ("Y", "re"), "B": ("Y", "im")}
 _NUMBERED = {"11": "dd", "12": "dq", "21": "qd", "22": "qq"}
 _SEQUENCE = {"11": "pp", "12": "pn", "21": "np", "22": "nn"}
 
@@ -104,6 +105,7 @@ class Meaning:
 
 def meaning_of(name: str) -> Meaning:
     """Read the name of a column; `Meaning()` where it says nothing known."""
+    name = _ANSWER.sub(lambda said: f"{'Y' if said[1] else 'Z'}{said[2]}{said[3]}", name)
     meaning = _meaning(_PROGRAM.sub("", name.strip()))
     if not meaning.role and ": " in name:
         meaning = _behind_labels(name, meaning)
@@ -158,18 +160,22 @@ def _meaning(name: str) -> Meaning:
                 ends = (compact[0], compact[-1]) if role in _PARTS else ()
                 letter = next((end.upper() for end in ends if end in "yz"), "")
                 return Meaning(role, letter=_letter(letter, dimension), **measured)
-        for letter, pattern in _WORDS["alone"].items():
-            of, part = _OF_LETTERS[letter]
-            if _letter("", dimension) == of and re.fullmatch(pattern, compact):
+        of = _letter("", dimension)
+        for part, pattern in _WORDS["alone"].get(of, {}).items():
+            if re.fullmatch(pattern, compact):
                 return Meaning(part, letter=of, **measured)
         matched = _POSITIVE.fullmatch(compact)
-        of_phase = matched is not None and matched["aphase"] and "plus" in matched["entry"]
+        if matched and matched["aphase"] and matched["entry"] == "plus":
+            return Meaning("positive", "Z", "pp", "phase", **measured)  # Ph+ of PSCAD, beside Z+
         if matched is None or not (
-            matched["letter"] or matched["word"] or matched["entry"].startswith("pos") or of_phase
+            matched["letter"] or matched["word"] or matched["entry"].startswith("pos")
         ):
             return Meaning(**measured)
     groups = matched.groupdict()
+    of = groups["of_letter"] or groups["of_word"] or ""
     part = next((part for part in _PARTS for side in "ab" if groups[f"{side}{part}"]), "")
+    if not part and (behind := [one for one, words in _PARTS.items() if re.fullmatch(words, of)]):
+        part, of = behind[0], ""  # Zreal_dd
     word = (groups["word"] or "").replace(
         "responsedata", ""
     )  # of a frd of MATLAB, which does not say of what
@@ -190,7 +196,6 @@ def _meaning(name: str) -> Meaning:
             if "deg" in compact
             else {"dimension": "angle in radians"}
         )
-    of = groups["of_letter"] or groups["of_word"] or ""
     return Meaning(role, _letter(letter, dimension), entry, part, **measured, of=of)
 
 

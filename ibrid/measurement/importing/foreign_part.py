@@ -329,10 +329,6 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
         raise SweepError(
             f"{table.where}: {twice[0][0]} and {twice[0][1]} mean the same number; {_A_GROUP_EACH}."
         )
-    for entry in [entry for entry in parts if len(entry) == 2]:  # Z+ beside Ph+
-        with_letter = [other for other in parts if other[1:] == entry]
-        if len(with_letter) == 1 and {part for part, _ in parts[entry]} == {"phase"}:
-            parts[with_letter[0]] |= parts.pop(entry)
     for entry, readings in parts.items():
         named = {part: names[0] for (part, _), names in reversed(readings.items())}
         size = named.get("mag") or named.get("")
@@ -571,8 +567,8 @@ def _unit(
         factor = factor if dimension == stated[0] else stated[1]
         dimension = stated[0]
     if not dimension:
-        known_base = told.get("base") or (told.get("s_base_va") and told.get("v_base_v"))
-        base = "" if known_base else " --base S_VA,V_LL (such as 10kVA,400V)"
+        is_known = told.get("base") or told.get("v_base_v")
+        base = "" if is_known else " --base S_VA,V_LL (such as 10kVA,400V)"
         in_decibels = [f"--unit dB{plain}{base}"] if decibels != "no" else []
         account.ask(
             "the unit of its matrices",

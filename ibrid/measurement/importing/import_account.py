@@ -10,7 +10,7 @@ import numpy as np
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.column_words import unit_of
-from ibrid.measurement.importing.told import base_beside, base_in_words, base_of
+from ibrid.measurement.importing.told import base_in_words, base_of
 
 #: How near numbers must be that say the same, as a part and per unit: as near as tables are
 #: printed.
@@ -82,6 +82,12 @@ def bases_of(told: Mapping[str, Any], account: Account) -> tuple[float, float] |
         account.ask("the inverter's base", f"--base {example}")
         return None
     return power, voltage
+
+
+def base_beside(told: Mapping[str, Any]) -> list[float | None]:
+    """VA and V of the base that a file states, else of the rating in its words."""
+    keys = (("s_base_va", "rating_va"), ("v_base_v", "rating_v"))
+    return [number_said(told.get(key) or told.get(other)) for key, other in keys]
 
 
 def number_said(value: Any) -> float | None:

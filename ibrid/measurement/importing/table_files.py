@@ -64,7 +64,12 @@ def read_tables(
         _MAKES.get(_HDF5 if begin == _HDF5 else suffix_of(path)) or _MAKES.get(begin),
     )
     if made is None:
-        return _of_text(_decoded(content, where), where, stem_of(path), form)
+        blocks = blocks_of(labview_named(_decoded(content, where)))
+        stems = [f"{stem_of(path)} {k}" if k else stem_of(path) for k in range(len(blocks))]
+        return [
+            text_table(lines, where, stem, form, before)
+            for stem, (before, lines) in zip(stems, blocks, strict=True)
+        ]
     if made[0] is binary.json_cells and (
         models := state_space_tables(json_model(content), where, stem_of(path), at)
     ):
@@ -110,16 +115,6 @@ def read_tables(
             replace(table, book=stem_of(path) * several, remarks=(*remarks, *table.remarks))
         )
     return tables
-
-
-def _of_text(lines: list[str], where: str, stem: str, form: NumberFormat) -> list[ForeignTable]:
-    blocks = blocks_of(labview_named(lines))
-    if len(blocks) == 1:
-        return [text_table(blocks[0][1], where, stem, form)]
-    return [
-        text_table(own, where, f"{stem} {k}", form, before)
-        for k, (before, own) in enumerate(blocks, 1)
-    ]
 
 
 def json_model(content: bytes) -> dict[str, np.ndarray]:

@@ -3,10 +3,9 @@ comments and its name.
 """
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from math import pi
-from typing import Any
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.column_words import (
@@ -66,13 +65,12 @@ _WORD_KEYS = {
 }
 _KEYS = {"qaxis": "q_axis", "voltageaxis": "voltage_axis", "powernode": "power_node"}
 
-#: A power in VA in words of a file, perhaps with a voltage behind it; a word before both that calls
-#: them a base; words of a line with which they are those of another device.
+#: A power in VA in words of a file, perhaps with a voltage behind it and a word before both that
+#: calls them a base; words of a line with which they are those of another device.
 _RATING = re.compile(
-    rf"(?<![\w.,])({_NUMBER})\s*([kMG]?VA)\b"
+    rf"(\b[Bb]as(?:e|is)\b[^\d\n]{{0,12}})?(?<![\w.,])({_NUMBER})\s*([kMG]?VA)\b"
     rf"(?:\s*(?:[,:;/@]|at|bei|à|a)?\s*({_NUMBER})\s*(k?V)\b)?"
 )
-_CALLED_BASE = re.compile(r"\bbas(e|is)\b[^\d]{0,12}$", re.I)
 _OF_ANOTHER = re.compile(
     r"tra?n?s?fo|per phase|grid|netz|load|last\b|short|kurz|cable|source|r[eé]seau", re.I
 )
@@ -185,42 +183,22 @@ def rating_beside(notes: Iterable[str]) -> dict[str, Told]:
     """Power and voltage of the one pair `2.75 MVA / 690 V`, or of the one power, that notes tell:
     `s_base_va` and `v_base_v` where a word calls the pair a base, else `rating_va` and `rating_v`.
     """
-    found = [
-        (rating, note[: rating.start()])
-        for note in notes
-        if not _OF_ANOTHER.search(note)
-        for rating in _RATING.finditer(note)
-    ]
-    if len({rating.groups() for rating, _ in found}) != 1:
+    lines = (note for note in notes if not _OF_ANOTHER.search(note))
+    found = {rating.groups() for note in lines for rating in _RATING.finditer(note)}
+    if len(found) != 1:
         return {}
-    rating, before = found[0]
-    called = _CALLED_BASE.search(before) and rating[3]
-    keys = ("s_base_va", "v_base_v") if called else ("rating_va", "rating_v")
-    name = before.strip(" :=(") or "its words"
-    return {
-        key: _told(_number(value), unit, name)
-        for key, (value, unit) in zip(keys, (rating.group(1, 2), rating.group(3, 4)), strict=True)
-        if value and _number(value) > 0
-    }
-
-
-def base_beside(told: Mapping[str, Any]) -> tuple[float | None, float | None]:
-    """VA and V of the base that a file states, else of the rating in its words."""
-    power, voltage = (
-        next((told[key][0] for key in keys if isinstance(told.get(key), tuple)), None)
-        for keys in (("s_base_va", "rating_va"), ("v_base_v", "rating_v"))
-    )
-    return power, voltage
+    called, power, unit, voltage, volts = found.pop()
+    keys = ("s_base_va", "v_base_v") if called and voltage else ("rating_va", "rating_v")
+    told = [_told(_number(power), unit, "base")]
+    told += [_told(_number(voltage), volts, "base")] if voltage else []
+    return dict(zip(keys, told, strict=False))
 
 
 def base_in_words(power: float | None, voltage: float | None) -> str:
     """`2.75MVA,690V`, as `--base` takes it; one alone where the other is not known."""
-    shown = [
-        engineering(value, unit).replace(" ", "")
-        for value, unit in ((power, "VA"), (voltage, "V"))
-        if value
-    ]
-    return ",".join(shown)
+    sizes = ((power, "VA"), (voltage, "V"))
+    shown = [engineering(value, unit) for value, unit in sizes if value]
+    return ",".join(shown).replace(" ", "")
 
 
 def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:

@@ -31,8 +31,8 @@ _FACTORS = {
 }
 #: Sequences at rest beyond this part of the voltage; currents at rest beyond this, per unit.
 _UNBALANCED, _LOADED = 0.03, 1.25
-#: Largest currents, per unit, that are probably kA, and that may be those of a secondary side.
-_THOUSANDTH, _SECONDARY = 2e-3, 0.05
+#: Largest current, per unit, that may be one of a secondary side, or kA.
+_SECONDARY = 0.05
 #: Negative sequence of the current at rest, of the positive one, that no inverter makes; smallest
 #: current that tells; degrees within which one that leads or lags by a third of a turn is of other
 #: phases.
@@ -141,17 +141,15 @@ def _sizes(record: EventRecord, base_va: float | None) -> Iterator[str]:
         )
         yield f"{record.name}: the current at rest is {i:.4g} per unit{thousand}{powers}."
     elif 0 < (largest := float(np.hypot(*record.i.T).max())) < _SECONDARY:
-        likely = ["kA in place of A"] * (largest < _THOUSANDTH)
-        likely += [
-            "currents of the secondary side of transformers (--ratio i=1000/5 multiplies them)"
-        ]
-        if base_va:
-            shown = engineering(base_va, "VA")
-            likely += [f"a base that is too large ({shown}; s_base_va is in VA)"]
-        likely += ["an inverter that idles"] * (largest >= _THOUSANDTH)
+        base = (
+            f", or a base that is too large ({engineering(base_va, 'VA')}; s_base_va is in VA)"
+            if base_va
+            else ""
+        )
         yield (
-            f"{record.name}: the current is never above {largest:.2g} per unit, "
-            f"{' or '.join(likely)}?"
+            f"{record.name}: the current is never above {largest:.2g} per unit, kA in place of A, "
+            "or currents of the secondary side of transformers (--ratio i=1000/5 multiplies them)"
+            f"{base}, unless the inverter idles?"
         )
 
 
@@ -197,11 +195,11 @@ def _phases_of_the_current(record: EventRecord, f0_hz: float) -> Iterator[str]:
     angle = float(np.rad2deg(np.arctan2(record.rest.q, record.rest.p)))
     size = abs(angle)
     if positive > _TELLS and _TURNED[0] < size < _TURNED[1]:
-        later = ("ib", "ic", "ia") if angle < 0 else ("ic", "ia", "ib")
+        later = "ib, ic, ia" if angle < 0 else "ic, ia, ib"
         yield (
             f"{record.name}: the current at rest is {size:.0f} degrees off the voltage; its "
             "channels are probably not in the order of those of the voltage "
-            f"({abs(size - 120):.0f} degrees once {later[0]}, {later[1]}, {later[2]} are taken as "
+            f"({abs(size - 120):.0f} degrees once {later} are taken as "
             "ia, ib, ic: --channels), or it takes power in and counts into the inverter "
             "(--current in; p and q at rest tell)."
         )

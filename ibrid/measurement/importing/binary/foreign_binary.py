@@ -181,7 +181,8 @@ def _points_by_name(held: Any) -> Any:
     else:
         beside, points = {}, held if isinstance(held, list) else []
     if not points or not all(_is_table(one) for one in points):
-        return held
+        rows = len(points) > 1 and all(isinstance(one, dict) for one in points)
+        return [{**beside, **one} for one in points] if rows else held
     named = {}
     for number, one in enumerate(points, 1):
         name = str(one.get("name") or one.get("op") or f"point_{number}")
@@ -193,6 +194,8 @@ def _is_table(value: Any) -> bool:
     """Whether an object holds lists of its own, more than the two parts of an entry."""
     if not isinstance(value, dict):
         return False
+    if any(isinstance(value[key], int | float) for key in value if _is_frequency(key)):
+        return False  # a row of its own
     return sum(isinstance(one, list | dict) for one in value.values()) > 2
 
 
@@ -210,11 +213,15 @@ def _with_comments(held: dict[str, Any]) -> list[Any]:
     return [*comments, *_rows_of_lists(lists)]
 
 
+def _is_frequency(name: str) -> bool:
+    return meaning_of(name).role in ("freq", "omega")
+
+
 def _lists_within(name: str, value: dict[str, Any]) -> dict[str, Any]:
     """The parts of an object that holds lists at any depth, Y_dd_re of {"dd": {"re": [..]}}, else
     nothing; those of one with frequencies, which wraps a sweep, under their own names.
     """
-    wraps = any(meaning_of(key).role in ("freq", "omega") for key in value)
+    wraps = any(map(_is_frequency, value))
     parts: dict[str, Any] = {}
     for key, part in value.items():
         own = key if wraps else f"{name}_{key}"

@@ -8,7 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from ibrid.errors import SweepError, some
-from ibrid.measurement.importing.column_map import FREQUENCIES, Source, parse_map_of_entry
+from ibrid.measurement.importing.column_map import (
+    FREQUENCIES,
+    OF_ONE_ENTRY,
+    Source,
+    parse_map_of_entry,
+)
 from ibrid.measurement.importing.column_words import (
     Meaning,
     entry_named,
@@ -24,6 +29,8 @@ _WHOLE = {"impedance": "Z", "admittance": "Y", "z": "Z", "y": "Y"}
 
 #: Real and imaginary part as impedance spectroscopy writes them: Z', -Z'' (b), Z".
 _PRIMED = re.compile(r"""\s*[-−–]?\s*([YZyz])\s*('{1,2}|")(?!')""")
+
+_PRIMES = {"'": "re", "''": "im", '"': "im"}
 
 
 def widened(table: ForeignTable) -> ForeignTable:
@@ -46,6 +53,7 @@ def widened(table: ForeignTable) -> ForeignTable:
     if not value or not all(entries):
         return table
     letter, unit, column_of_units = matrix_and_unit(table, labels)
+    letter = letter or next((one.letter for one in value.values() if one.letter), "")
     idle = (labels, column_of_units)
     others = [name for name in table.columns if name not in idle and name not in value]
     keys = list(zip(*(table.columns[name].tolist() for name in others), strict=True))
@@ -82,7 +90,9 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
     for table in tables:
         entry = entry_named(table.stem)
         mapped = parse_map_of_entry(maps, table.columns) if entry else {}
-        table = _with_parts_named(table, mapped) if mapped else _with_parts_called(table)
+        table = _with_parts_named(table, mapped)
+        if not mapped.keys() & {*OF_ONE_ENTRY}:
+            table = _with_parts_called(table)
         generic = [
             name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")
         ]
@@ -95,17 +105,15 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
             continue
         key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
         groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
-    for table in joined if len(joined) == len(tables) > 1 else ():
-        if not all(entry_named(one.stem) for one in tables) or any(
-            meaning_of(name).role == "matrix" for name in table.columns
-        ):
-            break
-        letter = (re.search(r"([YyZz])[_\-\s]*[dqpn12]{2}\W*$", table.stem) or "ZZ")[1].upper()
+    if len(joined) == len(tables) > 1 and all(
+        entry_named(one.stem) and not any(meaning_of(n).role == "matrix" for n in one.columns)
+        for one in tables
+    ):
         raise SweepError(
-            f"{table.where} and {len(tables) - 1} more are files with one entry each by their "
-            f"names, whose columns are not known; found {some(table.columns, 12)}, say which: "
-            f"--map freq=#1[Hz],{letter}=#2+j#3 (real and imaginary part) or "
-            f"{letter}=#2[dB]@#3[deg] (magnitude and phase)."
+            f"{tables[0].where} and {len(tables) - 1} more are files with one entry each by their "
+            f"names, whose columns are not known; found {some(tables[0].columns, 12)}, say which: "
+            "--map freq=#1[Hz],Z=#2+j#3 (real and imaginary part) or Z=#2[dB]@#3[deg] (magnitude "
+            "and phase; Y=.. of admittances)."
         )
     for (key, book, folder), members in groups.items():
         grids = {
@@ -155,26 +163,19 @@ def _with_parts_called(table: ForeignTable) -> ForeignTable:
     """The table whose columns Z' and Z'', which may stand with (a) and (b) behind them, are called
     real and imaginary part, and whose Impedance, or Admittance, beside a phase a magnitude.
     """
-    primed = {name: found for name in table.columns if (found := _PRIMED.match(name))}
-    if sorted(len(found[2].replace('"', "''")) for found in primed.values()) == [1, 2]:
-        named = {}
-        for name, found in primed.items():
-            unit = meaning_of(name).unit
-            part = "re" if found[2] == "'" else "im"
-            named[name] = f"{found[1].upper()}_{part}" + f" [{unit}]" * bool(unit)
-        columns = {named.get(name, name): column for name, column in table.columns.items()}
-        table = replace(table, columns=columns)
     meanings = {name: meaning_of(name) for name in table.columns}
     roles = {one.role for one in meanings.values()}
-    if "phase" not in roles or "mag" in roles:
-        return table
+    of_phase = "phase" in roles and "mag" not in roles
     named = {}
     for name, meaning in meanings.items():
-        word = letters_of(without_unit(name)[0])
-        if word in _WHOLE and not meaning.role:
-            unit = f" [{meaning.unit}]" if meaning.unit else ""
-            named[name] = f"{_WHOLE[word]}_mag{unit}"
-    if len(named) != 1:
+        primed = _PRIMED.match(name)
+        whole = _WHOLE.get(letters_of(without_unit(name)[0]))
+        unit = f" [{meaning.unit}]" if meaning.unit else ""
+        if primed:
+            named[name] = f"{primed[1].upper()}_{_PRIMES[primed[2]]}{unit}"
+        elif whole and of_phase and not meaning.role:
+            named[name] = f"{whole}_mag{unit}"
+    if len({called[2:4] for called in named.values()}) < len(named):
         return table
     columns = {named.get(name, name): column for name, column in table.columns.items()}
     return replace(table, columns=columns)
@@ -202,9 +203,8 @@ def _with_parts_named(table: ForeignTable, mapped: Mapping[str, Source]) -> Fore
         for column, part, said in zip(source.columns, parts, units, strict=True):
             unit = said or meaning_of(column).unit
             named[column] = f"{letter}_{part} [{unit}]" if unit else f"{letter}_{part}"
-    other = {"re", "im", "mag", "phase"} | (
-        {*FREQUENCIES} if mapped.keys() & {*FREQUENCIES} else set()
-    )
+    said = mapped.keys() & {*FREQUENCIES}, mapped.keys() & {*OF_ONE_ENTRY}
+    other = [*FREQUENCIES] * bool(said[0]) + ["re", "im", "mag", "phase"] * bool(said[1])
     columns = {
         named.get(name, name): column
         for name, column in table.columns.items()

@@ -4,88 +4,52 @@ with their own line of names, and LabVIEW's measurement files.
 
 import re
 from collections import Counter
-from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
-#: How LabVIEW's files begin, and the end of their heads.
-_LABVIEW = "LabVIEW Measurement"
-#: Words of a name, and numbers.
+#: Words of a name.
 _WORDS = re.compile(r"[^\W\d_]{2,}|[^\W\d_]\(")
-_NUMBERS = re.compile(r"[-+]?\d*[.,]?\d+(?:[eE][-+]?\d+)?")
-#: Most tables of a text.
-_MOST = 200
 #: How lines of numbers begin.
-_NUMERIC = frozenset("0123456789+-.,") | {""}
+_NUMERIC = frozenset("0123456789+-.,")
 
 
-def labview_named(lines: Sequence[str]) -> list[str]:
+def labview_named(lines: list[str]) -> list[str]:
     """The lines of a file of LabVIEW, whose names of columns have their units, and whose X_Value is
     called what it is; other lines as they are.
     """
-    if not lines or not lines[0].startswith(_LABVIEW):
-        return [*lines]
-    mark = "," if lines[0][len(_LABVIEW) :].startswith(",") else "\t"
-    rows = [line.split(mark) for line in lines[:200]]
-    place = next((k for k, row in enumerate(rows) if row[0].strip() == "X_Value"), None)
-    if place is None:
-        return [*lines]
-    said = {row[0].strip(): [cell.strip() for cell in row[1:]] for row in rows[:place]}
-    first = (said.get("X_Dimension") or ["X_Value"])[0] or "X_Value"
-    units = said.get("Y_Unit_Label", [])
-    names = [f"{first} [s]" if first == "Time" else first]
-    for k, name in enumerate(rows[place][1:]):
-        unit = units[k] if k < len(units) else ""
-        names.append(f"{name.strip()} [{unit}]" if unit else name.strip())
-    if names[-1] in ("Comment", ""):
-        names.pop()
-    width = len(names)
-    head = [line for row, line in zip(rows, lines, strict=False) if len(row) != width]
-    own = [
-        line for line in head[: place + 1] if not line.startswith(("X_Value", "***", "Y_", "X_"))
-    ]
-    body = [mark.join(line.split(mark)[:width]) for line in lines[place + 1 :]]
-    padding = [""] * (place - len(own))
-    return [*padding, *own, mark.join(names), *body]
+    place = next((k for k, one in enumerate(lines[:200]) if one.startswith("X_Value\t")), 0)
+    if not lines[0].startswith("LabVIEW Measurement") or not place:
+        return lines
+    above = lines[:place]
+    said = dict(line.split("\t", 1) for line in above if "\t" in line)
+    names = lines[place].removesuffix("\tComment").split("\t")
+    names[0] = said.get("X_Dimension", "").partition("\t")[0] or names[0]
+    units = ["", *said.get("Y_Unit_Label", "").split("\t")][: len(names)]
+    named = [f"{one} [{unit}]" if unit else one for one, unit in zip_longest(names, units)]
+    return [*(f"# {line}" for line in above), "\t".join(named), *lines[place + 1 :]]
 
 
-def blocks_of(lines: Sequence[str]) -> list[tuple[int, list[str]]]:
-    """Tables below the same line of names that stands several times: the number of the line before
-    the first of each, and its lines behind those that all have in common; one for other text.
+def blocks_of(lines: list[str]) -> list[tuple[int, list[str]]]:
+    """Tables below one line of names that stands several times: how many lines stand before each,
+    and its lines behind those that all have in common; one table for other text.
 
     What stands between two tables belongs to the second, and as many lines before the first to it.
     """
+    begin = [line.lstrip()[:1] for line in lines]
     named = Counter(
-        line.strip()
-        for line in lines
-        if line.lstrip()[:1] not in _NUMERIC and len(_WORDS.findall(line)) > 2
+        line
+        for line, first in zip(lines, begin, strict=True)
+        if first and first not in _NUMERIC and len(_WORDS.findall(line)) > 2
     )
-    repeated = [line for line, count in named.items() if 1 < count <= _MOST]
-    heads = [k for k, line in enumerate(lines) if line.strip() in repeated] if repeated else []
-    heads = [k for k in heads if _is_body(lines, k + 1)]
-    if len(heads) < 2 or len({lines[k].strip() for k in heads}) > 1:
-        return [(0, [*lines])]
-    begins = [_begin(lines, k, heads[0]) for k in heads[1:]]
-    before, first = heads[1] - begins[0], heads[0]
-    begins = [max(0, first - before), *begins, len(lines)]
-    shared = [*lines[: begins[0]]]
-    return [
-        (first - len(shared), [*shared, *lines[first:last]]) for first, last in pairwise(begins)
-    ]
-
-
-def _begin(lines: Sequence[str], head: int, first: int) -> int:
-    """Where what belongs to a line of names begins: behind the numbers before it."""
-    k = head
-    while k > first + 1 and not _is_row(lines[k - 1]):
-        k -= 1
-    while not lines[k].strip():
-        k += 1
-    return k
-
-
-def _is_body(lines: Sequence[str], k: int) -> bool:
-    return any(_is_row(line) for line in lines[k : k + 2])
-
-
-def _is_row(line: str) -> bool:
-    return len(_NUMBERS.findall(line)) > 2 and not _WORDS.search(line)
+    heads = [k for k, line in enumerate(lines[:-1]) if named[line] > 1]
+    heads = [k for k in heads if _NUMERIC & {*begin[k + 1 : k + 3]}]
+    if len(heads) < 2 or len({lines[k] for k in heads}) > 1:
+        return [(0, lines)]
+    begins = []
+    for k in heads[1:]:
+        while begin[k - 1] not in _NUMERIC:
+            k -= 1
+        begins.append(k)
+    own = sum(map(bool, begin[begins[0] : heads[1]]))
+    begins = [max(0, heads[0] - own), *begins, len(lines)]
+    shared = lines[: begins[0]]
+    return [(k - len(shared), shared + lines[k:end]) for k, end in pairwise(begins)]

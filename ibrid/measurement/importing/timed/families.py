@@ -70,10 +70,12 @@ class SignalFamily:
 def signals_of(names: Sequence[str]) -> list[ColumnSignal]:
     """What each column of a table is; names of EMTP's nodes tell the phase by their last letter."""
     signals = [signal_of(name) for name in names]
-    in_volts = [_unit_behind(name, "v") for name in names]
-    if any(in_volts):  # va_V, ia_A, where VA_A is an angle
-        behind = [one or _unit_behind(name, "i") for name, one in zip(names, in_volts, strict=True)]
-        signals = [two or one for one, two in zip(signals, behind, strict=True)]
+    if any(name.endswith("_V") for name in names):  # va_V, ia_A, where VA_A is an angle
+        behind = [signal_of(re.sub("_([VA])$", r" [\1]", name)) for name in names]
+        signals = [
+            two if two.phase and two.dimension else one
+            for one, two in zip(signals, behind, strict=True)
+        ]
     for quantity, begins in {"v": ("v:",), "i": ("c:", "i:")}.items():
         nodes = {
             k: _node(name)
@@ -85,17 +87,6 @@ def signals_of(names: Sequence[str]) -> list[ColumnSignal]:
             for k, phase in phases.items():
                 signals[k] = replace(signals[k], quantity=quantity, phase=phase, part="")
     return signals
-
-
-def _unit_behind(name: str, letter: str) -> ColumnSignal | None:
-    """A voltage or current of a phase or axis with its unit behind an underscore, as va_V; else
-    None.
-    """
-    bare, _, unit = name.strip().rpartition("_")
-    if unit != {"v": "V", "i": "A"}[letter] or not bare:
-        return None
-    signal = signal_of(bare, unit)
-    return signal if (signal.quantity, signal.part) == (letter, "") and signal.phase else None
 
 
 def _node(name: str) -> str:

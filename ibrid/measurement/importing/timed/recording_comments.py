@@ -6,7 +6,7 @@ import re
 from collections.abc import Container, Sequence
 from dataclasses import dataclass
 
-from ibrid.measurement.importing.doubts.other_base import agree
+from ibrid.measurement.importing.doubts.other_base import other_base
 from ibrid.measurement.importing.doubts.transformer_ratio import (
     TransformerDoubt,
     primary_said,
@@ -15,7 +15,6 @@ from ibrid.measurement.importing.doubts.transformer_ratio import (
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.timed.probes import volts_per_ampere
 from ibrid.measurement.importing.told import (
-    base_beside,
     base_in_words,
     doubts_beside,
     rating_beside,
@@ -61,9 +60,8 @@ def read_comments(
             if base and key in ("s_base_va", "v_base_v"):
                 continue
             remarks.append(f"{key} = {value:g}, from {name} in {unit}")
-    if base and not agree(beside := base_beside(rating_beside(texts) | told), base):
-        own, file = base_in_words(*base), base_in_words(*beside)
-        remarks.append(f"base: {own} as said, while its words state {file}")
+    if base and (file := other_base(rating_beside(texts) | told, base)):
+        remarks.append(f"base: {base_in_words(*base)} as said, while its words state {file}")
     plain = [line for line in comments if not _is_one_of(line[1], keys)]
     doubts = [doubt for doubt in doubts_beside("", texts) if not re.match(r"[PQV]\b", doubt)]
     transformers = transformer_doubts(texts)
