@@ -404,3 +404,11 @@ def test_a_base_that_was_said_is_not_asked_for_again(tmp_path):
     asked = imported(tmp_path, text, **BASE, **OUT, **REST).asked
     assert "--unit S" in asked
     assert "--base" not in asked
+
+
+def test_an_entry_that_is_mapped_is_not_left_out_for_a_positive_sequence(tmp_path):
+    head, row = POSITIVE_SCANS["PSCAD"]
+    text = head + "".join(row.format(f=f, mag=1.0, deg=80.0) for f in FREQUENCY)
+    (tmp_path / "scan.txt").write_text(text)
+    with pytest.raises(SweepError, match="Ydq was not found"):
+        import_files([tmp_path / "scan.txt"], ["Ydd=#2@#3[deg]"], f0_hz=60.0, **BASE, **REST)

@@ -70,9 +70,8 @@ def parse_map_of_entry(texts: Iterable[str], known: Iterable[str]) -> dict[str, 
     """What is said of the columns of a file with one entry: Y or Z and what it is made of
     (`Z=#2[dB]@#3[deg]`), and its frequencies.
     """
-    columns = tuple(known)
     return {
-        role: _source(value, columns, {}, role)
+        role: _source(value, tuple(known), {}, role)
         for role, value in _items(texts)
         if role in _IN_EACH_FILE
     }

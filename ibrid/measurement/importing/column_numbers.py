@@ -152,7 +152,7 @@ def _refuse_exchanged(table: ForeignTable, source: Source, polar: Sequence[Sourc
     """
     size, phase = source.columns
     positive = [name for _, name in (one.columns for one in polar) if not _is_below(table, name)]
-    if positive != [phase] or len(polar) < 2:
+    if positive != [phase]:
         return
     meaning, names = meaning_of(size), [*table.columns]
     raise SweepError(

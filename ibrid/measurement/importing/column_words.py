@@ -165,10 +165,8 @@ def _meaning(name: str) -> Meaning:
             if re.fullmatch(pattern, compact):
                 return Meaning(part, letter=of, **measured)
         matched = _POSITIVE.fullmatch(compact)
-        if matched and matched["aphase"] and matched["entry"] == "plus":
-            return Meaning("positive", "Z", "pp", "phase", **measured)  # Ph+ of PSCAD, beside Z+
         if matched is None or not (
-            matched["letter"] or matched["word"] or matched["entry"].startswith("pos")
+            matched["letter"] or matched["word"] or matched["entry"].startswith(("pos", "plus"))
         ):
             return Meaning(**measured)
     groups = matched.groupdict()
@@ -180,6 +178,7 @@ def _meaning(name: str) -> Meaning:
         "responsedata", ""
     )  # of a frd of MATLAB, which does not say of what
     letter = (groups["letter"] or word[:1].translate(str.maketrans("ai导阻", "yzyz"))).upper()
+    letter = letter or "Z" * (groups["entry"] == "plus")  # Ph+ of PSCAD, beside Z+
     if letter in ("R", "X", "G", "B"):
         part, letter = part or ("re" if letter in "RG" else "im"), "Z" if letter in "RX" else "Y"
     if not part:

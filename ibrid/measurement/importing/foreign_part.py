@@ -13,7 +13,7 @@ from ibrid.errors import SweepError, some
 from ibrid.measurement.conventions.conversions import Quantity
 from ibrid.measurement.conventions.positive_sequence import WORDS
 from ibrid.measurement.formats.csv_columns import ENTRIES
-from ibrid.measurement.importing.column_map import Source, parse_map
+from ibrid.measurement.importing.column_map import FREQUENCIES, Source, parse_map
 from ibrid.measurement.importing.column_numbers import (
     complex_numbers,
     in_unit_of_matrix,
@@ -299,9 +299,12 @@ def _guessed(table: ForeignTable, mapped: Mapping[str, Source]) -> dict[str, Sou
     sources: dict[str, Source] = {}
     parts: dict[str, dict[tuple[str, str], list[str]]] = {}
     settled = {role[1:] for role in mapped if len(role) == 3}
-    settled |= {"freq", "omega"} if mapped.keys() & {"freq", "omega"} else set()
+    of_entries = bool(settled)
+    settled |= {*FREQUENCIES} if mapped.keys() & {*FREQUENCIES} else set()
     for name in table.columns:
         meaning = Meaning() if name in table.numbered else meaning_of(name)
+        if meaning.role == "positive" and of_entries:
+            continue
         if meaning.role in ("matrix", "positive") and meaning.entry not in settled:
             readings = parts.setdefault(meaning.letter + meaning.entry, {})
             readings.setdefault((meaning.part, meaning.dimension), []).append(name)

@@ -346,11 +346,10 @@ def rows_table(
         if (mark == ",") != comma:
             columns[name] = _column(written[name], mark == ",", form)
     above = ["\t".join(filter(None, cells)) for number, cells in rows if number < first]
-    above = [re.sub(r"\t(?=[^\t=:]{1,20}[=:][^\t]*\d)", "; ", line) for line in above]
-    above = [
-        re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line[:LONGEST_NOTE]).replace("\t", " ")
-        for line in above
-    ]  # name, number
+    pairs = (
+        re.sub(r"\t(?=[^\t=:]{1,20}[=:][^\t]*\d)", "; ", line[:LONGEST_NOTE]) for line in above
+    )
+    above = [re.sub(r"(?<![:=])\t(?=[-+−.]?\d)", ": ", line).replace("\t", " ") for line in pairs]
     above = [beside_with_point(line, marks.of_table) for line in above]
     comments = tuple(
         (number, " ".join(cells)[1:]) for number, cells in rows if cells[0].startswith("#")

@@ -65,10 +65,10 @@ def read_tables(
     )
     if made is None:
         blocks = blocks_of(labview_named(_decoded(content, where)))
-        stems = [f"{stem_of(path)} {k}" if k else stem_of(path) for k in range(len(blocks))]
+        stem = stem_of(path)
         return [
-            text_table(lines, where, stem, form, before)
-            for stem, (before, lines) in zip(stems, blocks, strict=True)
+            text_table(lines, where, f"{stem} {k + 1}" if k else stem, form, before)
+            for k, (before, lines) in enumerate(blocks)
         ]
     if made[0] is binary.json_cells and (
         models := state_space_tables(json_model(content), where, stem_of(path), at)

@@ -189,8 +189,8 @@ def rating_beside(notes: Iterable[str]) -> dict[str, Told]:
         return {}
     called, power, unit, voltage, volts = found.pop()
     keys = ("s_base_va", "v_base_v") if called and voltage else ("rating_va", "rating_v")
-    told = [_told(_number(power), unit, "base")]
-    told += [_told(_number(voltage), volts, "base")] if voltage else []
+    sizes = ((power, unit), (voltage, volts))
+    told = (_told(_number(size), unit, "base") for size, unit in sizes if size)
     return dict(zip(keys, told, strict=False))
 
 

@@ -16,10 +16,11 @@ import numpy as np
 from ibrid.measurement.conventions.conversions import TO_SEQUENCE
 from ibrid.measurement.conventions.frequency_base import REACH
 from ibrid.measurement.conventions.tail import signs_of_tail
-from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
 #: Entries that may be turned together: one, a column, a row.
 _TURNED = ("dd", "dq", "qd", "qq", "dd qd", "dq qq", "dd dq", "qd qq")
+_ROWS = ("dd", "dq"), ("qd", "qq")
 #: Part of the difference of the sequences that their coupling may be.
 _LEFT = 0.1
 
@@ -29,14 +30,12 @@ def turned_signs(sweep: Sweep) -> Iterator[str]:
     once the signs of some entries are turned.
     """
     for entries in _TURNED:
-        factors = np.ones((2, 2))
-        for entry in entries.split():
-            factors[ENTRIES[entry]] = -1
-        named = " and ".join(f"Y{entry}" for entry in entries.split())
+        factors = np.array([[-1 if one in entries else 1 for one in row] for row in _ROWS])
         if all(_is_filter(point, factors, sweep.f0_hz) for point in sweep.points):
+            named = entries.replace(" ", " and Y")
             yield (
                 "at the highest frequencies d and q answer as those of no filter, but do once the "
-                f"sign of {named} is turned: it is probably wrong in the file; correct it there "
+                f"sign of Y{named} is turned: it is probably wrong in the file; correct it there "
                 "(import takes a minus before the names of real and imaginary parts)."
             )
 
@@ -50,5 +49,5 @@ def _is_filter(point: PointSweep, factors: np.ndarray, f0_hz: float) -> bool:
     if point.frequency[-1] < REACH or signs_of_tail(mended, f0_hz) != (1, 1):
         return False
     z = TO_SEQUENCE @ np.linalg.inv(mended.admittance[-3:]) @ np.conj(TO_SEQUENCE.T)
-    coupled = np.abs(z[:, [0, 1], [1, 0]]).max(axis=1)
-    return bool((coupled < _LEFT * np.abs(z[:, 0, 0] - z[:, 1, 1])).all())
+    apart = np.diff(np.diagonal(z, axis1=1, axis2=2))
+    return bool((np.abs(z[:, [0, 1], [1, 0]]) < _LEFT * np.abs(apart)).all())

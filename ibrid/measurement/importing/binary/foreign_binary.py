@@ -221,11 +221,11 @@ def _lists_within(name: str, value: dict[str, Any]) -> dict[str, Any]:
     """The parts of an object that holds lists at any depth, Y_dd_re of {"dd": {"re": [..]}}, else
     nothing; those of one with frequencies, which wraps a sweep, under their own names.
     """
-    wraps = any(map(_is_frequency, value))
+    before = "" if any(map(_is_frequency, value)) else f"{name}_"
     parts: dict[str, Any] = {}
     for key, part in value.items():
-        own = key if wraps else f"{name}_{key}"
-        parts |= (isinstance(part, dict) and _lists_within(own, part)) or {own: part}
+        inner = _lists_within(before + key, part) if isinstance(part, dict) else {}
+        parts |= inner or {before + key: part}
     return parts if any(isinstance(part, list) for part in parts.values()) else {}
 
 

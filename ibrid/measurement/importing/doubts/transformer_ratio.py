@@ -160,9 +160,8 @@ def _ratios_in(comment: str) -> list[tuple[str, str]]:
         upper, kilo, unit, lower, other_kilo, other_unit = sides.groups()
         sizes = sorted([_size(upper, kilo), _size(lower, other_kilo)])
         letter = {"A": "i", "V": "v"}.get(unit or other_unit)
-        behind = re.split("[,;]", comment[sides.end() :])[0]
-        letter = letter or _measured(comment[begin : sides.start()]) or _measured(behind)
-        letter = letter or _measured(comment)
+        own = comment[begin : sides.start()], re.split("[,;]", comment[sides.end() :])[0], comment
+        letter = letter or next(filter(None, map(_measured, own)), "")
         begin = sides.end()
         if 0 < sizes[0] < sizes[1]:
             ratio = f"{sizes[1]:g}" + ("" if sizes[0] == 1 else f"/{sizes[0]:g}")

@@ -24,6 +24,8 @@ from ibrid.measurement.importing.column_words import (
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.shapes.long_tables import matrix_and_unit
 
+#: Parts of a number, of whatever entry.
+_GENERIC = ("re", "im", "mag", "phase")
 #: Words of a column that is the magnitude where a phase stands beside it.
 _WHOLE = {"impedance": "Z", "admittance": "Y", "z": "Z", "y": "Y"}
 
@@ -39,9 +41,7 @@ def widened(table: ForeignTable) -> ForeignTable:
     """
     meanings = {name: meaning_of(name) for name in table.columns}
     labels = next((name for name, one in meanings.items() if one.role == "entry"), None)
-    generic = {
-        name: one for name, one in meanings.items() if one.role in ("re", "im", "mag", "phase")
-    }
+    generic = {name: one for name, one in meanings.items() if one.role in _GENERIC}
     if labels is None:
         return table
     entries = [entry_named(str(cell)) for cell in table.columns[labels].tolist()]
@@ -93,9 +93,7 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
         table = _with_parts_named(table, mapped)
         if not mapped.keys() & {*OF_ONE_ENTRY}:
             table = _with_parts_called(table)
-        generic = [
-            name for name in table.columns if meaning_of(name).role in ("re", "im", "mag", "phase")
-        ]
+        generic = [name for name in table.columns if meaning_of(name).role in _GENERIC]
         if (
             not entry
             or not generic
@@ -110,7 +108,7 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
         for one in tables
     ):
         raise SweepError(
-            f"{tables[0].where} and {len(tables) - 1} more are files with one entry each by their "
+            f"{tables[0].where} and the others are files with one entry each by their "
             f"names, whose columns are not known; found {some(tables[0].columns, 12)}, say which: "
             "--map freq=#1[Hz],Z=#2+j#3 (real and imaginary part) or Z=#2[dB]@#3[deg] (magnitude "
             "and phase; Y=.. of admittances)."
@@ -203,8 +201,7 @@ def _with_parts_named(table: ForeignTable, mapped: Mapping[str, Source]) -> Fore
         for column, part, said in zip(source.columns, parts, units, strict=True):
             unit = said or meaning_of(column).unit
             named[column] = f"{letter}_{part} [{unit}]" if unit else f"{letter}_{part}"
-    said = mapped.keys() & {*FREQUENCIES}, mapped.keys() & {*OF_ONE_ENTRY}
-    other = [*FREQUENCIES] * bool(said[0]) + ["re", "im", "mag", "phase"] * bool(said[1])
+    other = {one for role in mapped for one in (FREQUENCIES if role in FREQUENCIES else _GENERIC)}
     columns = {
         named.get(name, name): column
         for name, column in table.columns.items()

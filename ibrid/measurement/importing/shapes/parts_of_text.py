@@ -23,8 +23,8 @@ def labview_named(lines: list[str]) -> list[str]:
     said = dict(line.split("\t", 1) for line in above if "\t" in line)
     names = lines[place].removesuffix("\tComment").split("\t")
     names[0] = said.get("X_Dimension", "").partition("\t")[0] or names[0]
-    units = ["", *said.get("Y_Unit_Label", "").split("\t")][: len(names)]
-    named = [f"{one} [{unit}]" if unit else one for one, unit in zip_longest(names, units)]
+    units = zip_longest(names, ["", *said.get("Y_Unit_Label", "").split("\t")])
+    named = [f"{one} [{unit}]" if unit else one for one, unit in units]
     return [*(f"# {line}" for line in above), "\t".join(named), *lines[place + 1 :]]
 
 
@@ -37,10 +37,10 @@ def blocks_of(lines: list[str]) -> list[tuple[int, list[str]]]:
     begin = [line.lstrip()[:1] for line in lines]
     named = Counter(
         line
-        for line, first in zip(lines, begin, strict=True)
-        if first and first not in _NUMERIC and len(_WORDS.findall(line)) > 2
+        for line in lines
+        if line.lstrip()[:1] not in _NUMERIC and len(_WORDS.findall(line)) > 2
     )
-    heads = [k for k, line in enumerate(lines[:-1]) if named[line] > 1]
+    heads = [k for k, line in enumerate(lines) if named[line] > 1]
     heads = [k for k in heads if _NUMERIC & {*begin[k + 1 : k + 3]}]
     if len(heads) < 2 or len({lines[k] for k in heads}) > 1:
         return [(0, lines)]

@@ -72,10 +72,8 @@ def signals_of(names: Sequence[str]) -> list[ColumnSignal]:
     signals = [signal_of(name) for name in names]
     if any(name.endswith("_V") for name in names):  # va_V, ia_A, where VA_A is an angle
         behind = [signal_of(re.sub("_([VA])$", r" [\1]", name)) for name in names]
-        signals = [
-            two if two.phase and two.dimension else one
-            for one, two in zip(signals, behind, strict=True)
-        ]
+        pairs = zip(signals, behind, strict=True)
+        signals = [two if two.phase and two.dimension else one for one, two in pairs]
     for quantity, begins in {"v": ("v:",), "i": ("c:", "i:")}.items():
         nodes = {
             k: _node(name)

@@ -57,9 +57,8 @@ def read_comments(
         if isinstance(entry, tuple) and entry[1] == dimension:
             value, _, name, unit = entry
             keys[key] = value
-            if base and key in ("s_base_va", "v_base_v"):
-                continue
-            remarks.append(f"{key} = {value:g}, from {name} in {unit}")
+            if base is None or key == "f0_hz":
+                remarks.append(f"{key} = {value:g}, from {name} in {unit}")
     if base and (file := other_base(rating_beside(texts) | told, base)):
         remarks.append(f"base: {base_in_words(*base)} as said, while its words state {file}")
     plain = [line for line in comments if not _is_one_of(line[1], keys)]
