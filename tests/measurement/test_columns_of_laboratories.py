@@ -412,3 +412,74 @@ def test_an_entry_that_is_mapped_is_not_left_out_for_a_positive_sequence(tmp_pat
     (tmp_path / "scan.txt").write_text(text)
     with pytest.raises(SweepError, match="Ydq was not found"):
         import_files([tmp_path / "scan.txt"], ["Ydd=#2@#3[deg]"], f0_hz=60.0, **BASE, **REST)
+
+
+def parts(first: str, second: str) -> list[str]:
+    return [form.format(e) for e in ENTRIES for form in (first, second)]
+
+
+def answers(form: str) -> list[str]:
+    """Columns of the d and q current that a voltage causes."""
+    return [f"{part}({form.format(*e)}) [S]" for e in ENTRIES for part in ("Re", "Im")]
+
+
+NAMES = {
+    "Italian": ("Frequenza (Hz)", parts("Modulo Y{0} (S)", "Fase Y{0} (gradi)"), "polar"),
+    "Dutch": ("Frequentie [Hz]", parts("Yreëel_{0} [S]", "Yimaginair_{0} [S]"), ""),
+    "Portuguese": (
+        "Frequência (Hz)",
+        parts("Parte real Y{0} (S)", "Parte imaginária Y{0} (S)"),
+        "",
+    ),
+    "Japanese": ("周波数[Hz]", parts("Y{0}_実部[S]", "Y{0}_虚部[S]"), ""),
+    "Danish": ("Frekvens [Hz]", parts("Re Y{0} [S]", "Im Y{0} [S]"), ""),
+    "parts behind the letter": ("freq_hz", parts("Yreal_{0} [S]", "Yimag_{0} [S]"), ""),
+    "conductance": ("f_Hz", parts("G{0}_S", "B{0}_S"), ""),
+    "answers": ("f", answers("i{0}/v{1}"), ""),
+    "answers, u": ("f", answers("I_{0}/U_{1}"), ""),
+    "phase shift": ("f", parts("|Y{0}| [S]", "Phasenverschiebung Y{0} [°]"), "polar"),
+}
+
+
+@each_of("name", NAMES)
+def test_names_of_further_languages_and_programs_are_read(tmp_path, name):
+    first, names, form = NAMES[name]
+    lines = [";".join([first, *names])]
+    for f, y in zip(FREQUENCY, ADMITTANCE.reshape(-1, 4), strict=True):
+        pairs = [
+            (abs(one), np.degrees(np.angle(one))) if form else (one.real, one.imag) for one in y
+        ]
+        lines.append(";".join(f"{x:.9g}" for x in (f, *(x for pair in pairs for x in pair))))
+    read = imported(tmp_path, "\n".join(lines) + "\n", **BASE, **OUT, **REST)
+    assert error(read.answered()) < 1e-6
+
+
+RECORDINGS = {
+    "Italian": "Tempo (s);Tensione L1 (V);Tensione L2 (V);Tensione L3 (V);"
+    "Corrente L1 (A);Corrente L2 (A);Corrente L3 (A)",
+    "Portuguese": "Tempo [s];Tensão A [V];Tensão B [V];Tensão C [V];"
+    "Corrente A [A];Corrente B [A];Corrente C [A]",
+    "Japanese": "時間[s];電圧U[V];電圧V[V];電圧W[V];電流U[A];電流V[A];電流W[A]",
+    "Dutch": "Tijd [s];Spanning L1 [V];Spanning L2 [V];Spanning L3 [V];"
+    "Stroom L1 [A];Stroom L2 [A];Stroom L3 [A]",
+    "R, S, T": "t;uR_V;uS_V;uT_V;iR_A;iS_A;iT_A",
+    "HYPERSIM": "time;PCC_V_a(V);PCC_V_b(V);PCC_V_c(V);PCC_I_a(A);PCC_I_b(A);PCC_I_c(A)",
+}
+
+
+@each_of("name", RECORDINGS)
+def test_recordings_of_further_languages_and_programs_are_read(tmp_path, name):
+    path = recorded(tmp_path, RECORDINGS[name].replace(";", ","))
+    record = read_events(path, **SAID)["dip"]
+    assert (record.rest.p, record.rest.q) == pytest.approx((1.0, 0.3), abs=1e-3)
+
+
+def test_recordings_of_labview_are_read(tmp_path):
+    path = recorded(tmp_path, "X_Value,Ua,Ub,Uc,Ia,Ib,Ic,Comment")
+    head = (
+        "LabVIEW Measurement\t\nSeparator\tTab\n***End_of_Header***\t\n\t\nChannels\t6\n"
+        "Y_Unit_Label\tV\tV\tV\tA\tA\tA\nX_Dimension\tTime\n***End_of_Header***\t\n"
+    )
+    (tmp_path / "dip.lvm").write_text(head + path.read_text().replace(",", "\t"))
+    (record,) = read_events(tmp_path / "dip.lvm", **SAID).records
+    assert (record.rest.p, record.rest.q) == pytest.approx((1.0, 0.3), abs=1e-3)

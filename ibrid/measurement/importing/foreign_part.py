@@ -158,7 +158,7 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     if frame == "dq" and grid == "network" and not mapped.keys() & {"freq", "omega"}:
         _refuse_network_frequency(table, sources)
     used = {column for source in sources.values() for column in source.columns}
-    if not any(sources[role].unit for role in ("freq", "omega") if role in mapped):
+    if not any(sources[role].unit for role in FREQUENCIES if role in mapped):
         used |= columns_of_keys(table.columns)
     unused = [name for name in table.columns if name not in used]
     _require_both_parts(table, [sources[name] for name in entries], unused)
@@ -377,7 +377,7 @@ def _frequency(
     """Hz; in which frame that is the frequency, as said or as the column's name says: "dq",
     "network" or ""; and its source where Hz were taken because nothing says otherwise.
     """
-    role = next((role for role in ("freq", "omega") if role in sources), None)
+    role = next((role for role in FREQUENCIES if role in sources), None)
     if role is None:
         columns = some(table.columns, 12) if table.columns else "none among its arrays"
         if refused := recording_refused(table, has_frequency=False):
@@ -406,7 +406,7 @@ def _require_one_frequency(
     first = sources[taken].columns[0]
     for name in table.columns:
         meaning = Meaning() if name in table.numbered else meaning_of(name)
-        if name == first or meaning.role not in ("freq", "omega"):
+        if name == first or meaning.role not in FREQUENCIES:
             continue
         require_real(table, name)
         if meaning.role == "freq" and np.ptp(table.columns[name]) == 0 < np.ptp(hertz):

@@ -76,9 +76,7 @@ def bases_of(told: Mapping[str, Any], account: Account) -> tuple[float, float] |
     power, voltage = (number_said(told.get(key)) for key in ("s_base_va", "v_base_v"))
     if power is None or voltage is None:
         rating = base_in_words(*base_beside(told))
-        example = (
-            f"{rating} (as its words say)" if "," in rating else "S_VA,V_LL (such as 10kVA,400V)"
-        )
+        example = rating if "," in rating else "S_VA,V_LL (such as 10kVA,400V)"
         account.ask("the inverter's base", f"--base {example}")
         return None
     return power, voltage

@@ -55,7 +55,7 @@ def read_tables(
 
     at : Hz at which a model is sampled, where somebody says. form : how numbers are written.
     """
-    content = read_bytes(path)
+    content, whole = read_bytes(path), stem_of(path)
     if not content.strip():
         raise SweepError(f"{path} must hold a sweep or records of events; found an empty file.")
     begin = _HDF5 if _HDF5 in (content[:4], content[512:516]) else content[:4]
@@ -65,22 +65,21 @@ def read_tables(
     )
     if made is None:
         blocks = blocks_of(labview_named(_decoded(content, where)))
-        stem = stem_of(path)
         return [
-            text_table(lines, where, f"{stem} {k + 1}" if k else stem, form, before)
+            text_table(lines, where, f"{whole} {k + 1}" if k else whole, form, before)
             for k, (before, lines) in enumerate(blocks)
         ]
     if made[0] is binary.json_cells and (
-        models := state_space_tables(json_model(content), where, stem_of(path), at)
+        models := state_space_tables(json_model(content), where, whole, at)
     ):
         return models
     sheets = guarded(made[0], content, f"{where} must be {made[1]}")
     if made[0].__name__.endswith("_arrays"):
         refuse_objects(sheets, where)
-        if models := state_space_tables(sheets, where, stem_of(path), at):
+        if models := state_space_tables(sheets, where, whole, at):
             return models
         of_matlab = made[0] is binary.mat_arrays or content.startswith(b"MATLAB")
-        return _of_arrays(sheets, where, stem_of(path), of_matlab, form)
+        return _of_arrays(sheets, where, whole, of_matlab, form)
     remarks = tuple(sheets.pop(binary.HIDDEN, np.zeros(0, dtype=str)).tolist())
     percent = {
         name: {*map(tuple, sheets.pop(binary.PERCENT + name, np.zeros((0, 2), int)).tolist())}
@@ -107,13 +106,11 @@ def read_tables(
         called = (
             [before + _letters(k) for k in range(first, first + len(rows[0][1]))] if book else []
         )
-        place, stem = (f"{where} sheet {name}", name) if several else (where, stem_of(path))
+        place, stem = (f"{where} sheet {name}", name) if several else (where, whole)
         table = rows_table(rows, [], place, stem, comma, form, called=called, alike=False)
         places = [first + called.index(cell) for cell in table.cells.values()]
         table = scaled_once(table, percent[name], places)
-        tables.append(
-            replace(table, book=stem_of(path) * several, remarks=(*remarks, *table.remarks))
-        )
+        tables.append(replace(table, book=whole * several, remarks=(*remarks, *table.remarks)))
     return tables
 
 
