@@ -122,7 +122,6 @@ def unsaid_decibels(
         account.decibels.setdefault(True, table.where)
         return True
     if below and above:
-        _refuse_exchanged(table, below[0], polar)
         raise _negative_magnitude(
             table, below[0], f", while no {above[0].columns[0]} is below zero"
         )
@@ -158,7 +157,7 @@ def _refuse_exchanged(table: ForeignTable, source: Source, polar: Sequence[Sourc
     raise SweepError(
         f"{table.where}: {size} and {phase} are probably exchanged; found numbers below zero in "
         "the magnitude and none in the phase, exchange their names, or add --map "
-        f"{meaning.letter}{meaning.entry}=#{names.index(phase) + 1}[{meaning.unit or 'pu'}]"
+        f"{meaning.letter}{meaning.entry}=#{names.index(phase) + 1}[{meaning.unit}]"
         f"@#{names.index(size) + 1}[{meaning_of(phase).unit or 'deg'}]."
     )
 
