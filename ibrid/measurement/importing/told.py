@@ -69,7 +69,7 @@ _KEYS = {"qaxis": "q_axis", "voltageaxis": "voltage_axis", "powernode": "power_n
 #: calls them a base; words of a line with which they are those of another device.
 _RATING = re.compile(
     rf"(\b[Bb]as(?:e|is)\b[^\d\n]{{0,12}})?(?<![\w.,])({_NUMBER})\s*([kMG]?VA)\b"
-    rf"(?:\s*(?:[,:;/@]|at|bei|à|a)?\s*({_NUMBER})\s*(k?V)\b)?"
+    rf"(?:\s*+(?:[,:;/@]|at|bei|à|a)?\s*+({_NUMBER})\s*(k?V)\b)?"
 )
 _OF_ANOTHER = re.compile(
     r"tra?n?s?fo|per phase|grid|netz|load|last\b|short|kurz|cable|source|r[eé]seau", re.I
