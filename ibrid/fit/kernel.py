@@ -124,14 +124,29 @@ def _multiply(matrix, other):
 
 
 @njit(**OPTIONS)
-def _respond(
-    values, rows, columns, delays, s, excitation, size, derivative, k, pivots, left, right, y
-):
-    """Y at one s into `y` (2, 2); with `derivative` also L (2, size + 2), R (size + 2, 2). False
-    when singular.
+def _room(size, entries, parameters):
+    """Arrays that every frequency fills anew: K and its pivots, L, R, Y; the outer products of L
+    and R at the entries of M, and dY (parameters, 4).
+    """
+    k = np.empty((size, size), dtype=np.complex128)
+    pivots = np.empty(size, dtype=np.int64)
+    left = np.empty((2, size + 2), dtype=np.complex128)
+    right = np.empty((size + 2, 2), dtype=np.complex128)
+    y = np.empty((2, 2), dtype=np.complex128)
+    outer = np.empty((entries, 4), dtype=np.complex128)
+    dy = np.empty((parameters, 4), dtype=np.complex128)
+    return k, pivots, left, right, y, outer, dy
+
+
+@njit(**OPTIONS)
+def _respond(values, rows, columns, delays, s, excitation, derivative, room):
+    """Y at one s into `y` (2, 2) of a room; with `derivative` also L (2, size + 2) and R (size + 2,
+    2). False when singular.
 
     excitation : (2, 2), by which Y and R are multiplied; of no size: by nothing.
     """
+    k, pivots, left, right, y, _, _ = room
+    size = pivots.size
     k[:, :] = 0.0
     right[:, :] = 0.0
     left[:, :] = 0.0
@@ -215,27 +230,10 @@ def excited(excitation, line):
 def answer(values, rows, columns, delays, s, excitation, size):
     """As `respond`, at s (K,) complex, rad/s, multiplied by what `excited` gives."""
     result = np.empty((s.size, 2, 2), dtype=np.complex128)
-    k = np.empty((size, size), dtype=np.complex128)
-    pivots = np.empty(size, dtype=np.int64)
-    left = np.empty((2, size + 2), dtype=np.complex128)
-    right = np.empty((size + 2, 2), dtype=np.complex128)
-    y = np.empty((2, 2), dtype=np.complex128)
+    room = _room(size, 0, 0)
+    y = room[4]
     for index in range(s.size):
-        if not _respond(
-            values,
-            rows,
-            columns,
-            delays,
-            s[index],
-            excitation[index],
-            size,
-            False,
-            k,
-            pivots,
-            left,
-            right,
-            y,
-        ):
+        if not _respond(values, rows, columns, delays, s[index], excitation[index], False, room):
             y[:, :] = np.nan
         result[index] = y
     return result
@@ -243,20 +241,10 @@ def answer(values, rows, columns, delays, s, excitation, size):
 
 @njit(**OPTIONS)
 def _differentiate(
-    left,
-    right,
-    derivatives,
-    rows,
-    columns,
-    d_entry,
-    d_parameter,
-    delay_parameter,
-    delays,
-    s,
-    size,
-    outer,
-    dy,
+    derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s, room
 ):
+    """The derivative of Y into `dy` of a room, from L and R."""
+    _, pivots, left, right, _, outer, dy = room
     dy[:, :] = 0.0
     for index in range(rows.size):
         i, j = rows[index], columns[index]
@@ -268,7 +256,7 @@ def _differentiate(
         value, entry, parameter = derivatives[index], d_entry[index], d_parameter[index]
         for c in range(4):
             dy[parameter, c] += value * outer[entry, c]
-    for i in range(size):
+    for i in range(pivots.size):
         if delay_parameter[i] >= 0:  # dK = s exp(s T) dT
             turn = -s * np.exp(s * delays[i])
             for a in range(2):
@@ -292,36 +280,15 @@ def respond_with_derivatives(
     parameters,
 ):
     """Answer (K, 2, 2) and its derivative (K, 2, 2, P) by the parameters of one model."""
-    k = np.empty((size, size), dtype=np.complex128)
-    pivots = np.empty(size, dtype=np.int64)
-    left = np.empty((2, size + 2), dtype=np.complex128)
-    right = np.empty((size + 2, 2), dtype=np.complex128)
-    outer = np.empty((rows.size, 4), dtype=np.complex128)
-    y = np.empty((2, 2), dtype=np.complex128)
-    dy = np.empty((parameters, 4), dtype=np.complex128)
+    room = _room(size, rows.size, parameters)
+    y, dy = room[4], room[6]
     response = np.empty((s.size, 2, 2), dtype=np.complex128)
     slope = np.empty((s.size, 2, 2, parameters), dtype=np.complex128)
     for index in range(s.size):
-        if not _respond(
-            values,
-            rows,
-            columns,
-            delays,
-            s[index],
-            excitation[index],
-            size,
-            True,
-            k,
-            pivots,
-            left,
-            right,
-            y,
-        ):
+        if not _respond(values, rows, columns, delays, s[index], excitation[index], True, room):
             response[index], slope[index] = np.nan, np.nan
             continue
         _differentiate(
-            left,
-            right,
             derivatives,
             rows,
             columns,
@@ -330,9 +297,7 @@ def respond_with_derivatives(
             delay_parameter,
             delays,
             s[index],
-            size,
-            outer,
-            dy,
+            room,
         )
         response[index] = y
         for a in range(2):
@@ -375,13 +340,8 @@ def normal_equations(
     cost = np.zeros(batch)
     gradient = np.zeros((batch, parameters))
     hessian = np.zeros((batch, parameters, parameters))
-    k = np.empty((size, size), dtype=np.complex128)
-    pivots = np.empty(size, dtype=np.int64)
-    left = np.empty((2, size + 2), dtype=np.complex128)
-    right = np.empty((size + 2, 2), dtype=np.complex128)
-    outer = np.empty((rows.size, 4), dtype=np.complex128)
-    y = np.empty((2, 2), dtype=np.complex128)
-    dy = np.empty((parameters, 4), dtype=np.complex128)
+    room = _room(size, rows.size, parameters)
+    y, dy = room[4], room[6]
     slopes = np.empty((8, parameters))
     residual = np.empty(8)
     for start in range(batch):
@@ -394,20 +354,13 @@ def normal_equations(
                 delays[start],
                 line[index],
                 excitation[index],
-                size,
                 with_gradient,
-                k,
-                pivots,
-                left,
-                right,
-                y,
+                room,
             ):
                 total = np.inf
                 break
             if with_gradient:
                 _differentiate(
-                    left,
-                    right,
                     derivatives[start],
                     rows,
                     columns,
@@ -416,9 +369,7 @@ def normal_equations(
                     delay_parameter,
                     delays[start],
                     line[index],
-                    size,
-                    outer,
-                    dy,
+                    room,
                 )
             for entry in range(4):
                 a, b = entry // 2, entry % 2
