@@ -12,7 +12,7 @@ import casadi as ca
 from ibrid.assembly.known_at_rest import Carried
 from ibrid.assembly.numbers import is_zero, weighted_sum
 from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
-from ibrid.modules.large_signal import Motion, asked, square_root
+from ibrid.modules.large_signal import Motion, asked, dot, length, square_root
 from ibrid.modules.own_law import call_law
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, split_port
@@ -77,22 +77,20 @@ def controller_frame(
     k0, k1, k2 = (east + west) / 2, (east - west) / 2, north - (east + west) / 2
     decided = k1 * k1 + k2 * k2 > NOTHING
     z = _choose(decided, -k2, e[0]), _choose(decided, k1, e[1])
-    square = z[0] * z[0] + z[1] * z[1]
-    along = z[0] * e[0] + z[1] * e[1]
-    side = _choose(
-        along >= -PERPENDICULAR * square_root(square * (e[0] * e[0] + e[1] * e[1])), 1.0, -1.0
-    )
+    square = dot(z, z)
+    along = dot(z, e)
+    side = _choose(along >= -PERPENDICULAR * square_root(square * dot(e, e)), 1.0, -1.0)
     if is_zero(k0):
-        length = square_root(square) * side
-        return z[0] / length, z[1] / length
+        size = square_root(square) * side
+        return z[0] / size, z[1] / size
     rest = _choose(decided, k0, 0.0)
     reach = square_root(square - rest * rest) * side
     return (z[0] * reach - rest * z[1]) / square, (z[1] * reach + rest * z[0]) / square
 
 
 def _unit(z: Pair) -> Frame:
-    length = square_root(z[0] * z[0] + z[1] * z[1])
-    return z[0] / length, z[1] / length
+    size = length(z)
+    return z[0] / size, z[1] / size
 
 
 def _choose(condition: Any, yes: Any, no: Any) -> Any:

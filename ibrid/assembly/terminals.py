@@ -16,7 +16,7 @@ from ibrid.assembly.joined import Interconnected
 from ibrid.assembly.numbers import is_zero, weighted_sum
 from ibrid.assembly.operating_point import add
 from ibrid.errors import DiagramError
-from ibrid.modules.large_signal import cosine, sine, square_root
+from ibrid.modules.large_signal import cosine, dot, length, reactive, sine, square_root
 from ibrid.structure.network.outside import LABEL, PORT, Outside
 
 Pair = tuple[Any, Any]
@@ -68,23 +68,23 @@ def behind_terminals(
         z, i = (v, 0.0), (p / v, -q / v)
         for kind, values in elements:
             z, i = inwards(kind, values, z, i)
-        size = square_root(z[0] * z[0] + z[1] * z[1])
-        seen = (z[0] * i[0] + z[1] * i[1], z[1] * i[0] - z[0] * i[1], size)
-        return Inner(seen, "pcc", (z[0] / size, z[1] / size), (p / v, -q / v))
+        size = length(z)
+        seen = (dot(z, i), reactive(z, i), size)
+        return Inner(seen, "pcc", _part(z, size), (p / v, -q / v))
     own = parameters[plant]
     line = (own["R_g"], own["L_g"]) if "L_g" in own else _ZERO
     (a, b), (c, d) = _chain(elements)
     whole = add(b, _times(d, line)) if power_node == "capacitor" else b
     product = _times(d, _conjugate(whole))
     twice = v * v + 2 * (product[0] * p - product[1] * q)
-    square = d[0] * d[0] + d[1] * d[1]
-    rest = (whole[0] * whole[0] + whole[1] * whole[1]) * (p * p + q * q)
+    square = dot(d, d)
+    rest = dot(whole, whole) * (p * p + q * q)
     node = square_root((twice + square_root(twice * twice - 4 * square * rest)) / (2 * square))
     i = (p / node, -q / node)
     drop = _times(line, i) if power_node == "capacitor" else _ZERO
     inner = (node - drop[0], -drop[1])
     outer = add(_times(d, inner), _negative(_times(b, i)))
-    size = square_root(inner[0] * inner[0] + inner[1] * inner[1])
+    size = length(inner)
     turn = _times(inner, _conjugate(outer))
     current = _times(add(_times(a, i), _negative(_times(c, inner))), _conjugate(outer))
     return Inner((p, q, size), power_node, _part(turn, size * v), _part(current, v))

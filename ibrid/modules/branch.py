@@ -1,7 +1,7 @@
 """Branches beside the plant: passive shunts at the PCC, the capacitor of the DC link."""
 
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal
+from ibrid.modules.large_signal import LargeSignal, dot
 from ibrid.signals import Signal
 
 BRANCH = "physical branch"
@@ -48,7 +48,7 @@ def _dc_link(C_dc, u_eq, i_eq):
 
 def _dc_link_law(x, u, i, C_dc, u_eq, i_eq):
     # the source delivers what the converter takes at rest
-    surplus = (u_eq[0] * i_eq[0] + u_eq[1] * i_eq[1]) - (u[0] * i[0] + u[1] * i[1])
+    surplus = dot(u_eq, i_eq) - dot(u, i)
     return (surplus / (C_dc * x[0]),), (x[0],)
 
 

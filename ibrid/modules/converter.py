@@ -4,7 +4,14 @@ delay angle, hold.
 
 from ibrid.modules.branch import BRANCH
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal, cosine, reciprocal, sine, square_root
+from ibrid.modules.large_signal import (
+    LargeSignal,
+    cosine,
+    dot,
+    reciprocal,
+    sine,
+    square_root,
+)
 from ibrid.signals import Signal
 
 
@@ -17,7 +24,7 @@ def _dead_time(D, a, i_eq):
 
 
 def _dead_time_law(x, i, D, a):
-    scale = D * reciprocal(square_root(i[0] * i[0] + i[1] * i[1] + a * a))
+    scale = D * reciprocal(square_root(dot(i, i) + a * a))
     return (), (-scale * i[0], -scale * i[1])
 
 

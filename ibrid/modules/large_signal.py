@@ -131,6 +131,21 @@ def reciprocal(value: Any) -> Any:
     return nan if isinstance(value, int | float) and value == 0 else 1 / value
 
 
+def dot(a: Any, b: Any) -> Any:
+    """a' b of two pairs; of voltage and current the power p."""
+    return a[0] * b[0] + a[1] * b[1]
+
+
+def reactive(a: Any, b: Any) -> Any:
+    """a' J b of two pairs; of voltage and current the power q."""
+    return a[1] * b[0] - a[0] * b[1]
+
+
+def length(a: Any) -> Any:
+    """|a| of a pair."""
+    return square_root(dot(a, a))
+
+
 def _sum(terms: Sequence[tuple[Any, Any]]) -> Any:
     """Of gain times value, without the terms whose gain is the number zero."""
     total: Any = None

@@ -9,7 +9,16 @@ are the exact linearisation.
 from dataclasses import replace
 
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal, cosine, reciprocal, sine, square_root
+from ibrid.modules.large_signal import (
+    LargeSignal,
+    cosine,
+    dot,
+    length,
+    reactive,
+    reciprocal,
+    sine,
+    square_root,
+)
 from ibrid.signals import Signal
 
 APPENDIX = "paper, appendix A.5"
@@ -73,7 +82,7 @@ def _pq_calc(e_eq, i_eq):
 
 
 def _pq_calc_law(x, e, i):
-    return (), (e[0] * i[0] + e[1] * i[1], e[1] * i[0] - e[0] * i[1])
+    return (), (dot(e, i), reactive(e, i))
 
 
 PQ_CALC = ModuleKind(
@@ -150,12 +159,12 @@ SHARE = ModuleKind(
 
 
 def _magnitude(in__eq):
-    size = (in__eq[0] * in__eq[0] + in__eq[1] * in__eq[1]) ** 0.5
+    size = dot(in__eq, in__eq) ** 0.5
     return [], [], [[]], [[in__eq[0] / size, in__eq[1] / size]]
 
 
 def _magnitude_law(x, in_):
-    return (), (square_root(in_[0] * in_[0] + in_[1] * in_[1]),)
+    return (), (length(in_),)
 
 
 MAGNITUDE = ModuleKind(
@@ -173,15 +182,13 @@ MAGNITUDE = ModuleKind(
 
 
 def _ref_pq(v_eq, i_eq):
-    scale = reciprocal(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1])
+    scale = reciprocal(dot(v_eq, v_eq))
     rows = [[-scale * i * v_eq[0], -scale * i * v_eq[1], 0, 0] for i in i_eq]
     return [], [], [[], []], rows
 
 
 def _ref_pq_law(x, v, i, v_eq, i_eq):
-    size = square_root(
-        (v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]) * reciprocal(v[0] * v[0] + v[1] * v[1])
-    )
+    size = square_root(dot(v_eq, v_eq) * reciprocal(dot(v, v)))
     return (), (size * i_eq[0], size * i_eq[1])
 
 

@@ -9,7 +9,7 @@ equilibria of the ports: a capacitance C behind a resistance R, at the voltage e
 from dataclasses import replace
 
 from ibrid.modules.kind import Range
-from ibrid.modules.large_signal import LargeSignal, square_root
+from ibrid.modules.large_signal import LargeSignal, dot, square_root
 from ibrid.modules.plant import (
     CAPACITANCE,
     INDUCTANCE,
@@ -190,7 +190,7 @@ LCL_TRAP = replace(
 
 def _saturation(i, I_s):
     """By how much the inductance is smaller than without current."""
-    return square_root(1 + (i[0] * i[0] + i[1] * i[1]) / (I_s * I_s))
+    return square_root(1 + dot(i, i) / (I_s * I_s))
 
 
 def _reactance_at_rest(i, L_F, I_s, **_):
@@ -208,9 +208,9 @@ def _lcl_saturated(L_F, R_F, C_F, L_g, R_g, I_s, omega_0, u_r_eq, i_ti_eq, e_eq,
     a, b, c, d = lcl_matrices(L_F, R_F, C_F, L_g, R_g, omega_0, i_ti_eq, e_eq, i_g_eq)
     i, k, f, less = i_ti_eq, I_s * I_s, omega_0 / L_F, _saturation(i_ti_eq, I_s)
     v = [u_r_eq[axis] - e_eq[axis] - R_F * i[axis] for axis in (0, 1)]
-    power = i[0] * v[0] + i[1] * v[1]
+    power = dot(i, v)
     for row, gains in enumerate(_winding(i, I_s)):
-        driven = gains[0] * v[0] + gains[1] * v[1]
+        driven = dot(gains, v)
         for axis, gain in enumerate(gains):
             same = 1 if axis == row else 0
             slope = driven * i[axis] / (k * less * less) + less / k * (
@@ -224,7 +224,7 @@ def _lcl_saturated(L_F, R_F, C_F, L_g, R_g, I_s, omega_0, u_r_eq, i_ti_eq, e_eq,
 def _lcl_saturated_law(x, u_r, v_in, delta_omega, L_F, R_F, C_F, L_g, R_g, I_s, omega_0):
     i_ti, e, i_g, omega = x[0:2], x[2:4], x[4:6], omega_0 + delta_omega
     v = (u_r[0] - e[0] - R_F * i_ti[0], u_r[1] - e[1] - R_F * i_ti[1])
-    driven = [gains[0] * v[0] + gains[1] * v[1] for gains in _winding(i_ti, I_s)]
+    driven = [dot(gains, v) for gains in _winding(i_ti, I_s)]
     rates = (
         *series_rate(driven, (0, 0), i_ti, 0, omega_0 / L_F, omega),
         *series_rate(i_ti, i_g, e, 0, omega_0 / C_F, omega),

@@ -7,7 +7,16 @@ from math import pi
 
 from ibrid.modules.control import integral, proportional
 from ibrid.modules.kind import ModuleKind, Range
-from ibrid.modules.large_signal import LargeSignal, cosine, reciprocal, sine, square_root
+from ibrid.modules.large_signal import (
+    LargeSignal,
+    cosine,
+    dot,
+    length,
+    reactive,
+    reciprocal,
+    sine,
+    square_root,
+)
 from ibrid.signals import Signal
 
 SYNCHRONISATION = "synchronisation"
@@ -92,7 +101,7 @@ SRF_PLL_REF = replace(
 
 
 def _pll_frequency(kP_pll, kI_pll, v_eq):
-    size = square_root(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1])
+    size = length(v_eq)
     on_d, on_q = (
         -v_eq[1] * reciprocal(size),
         v_eq[0] * reciprocal(size),
@@ -104,8 +113,8 @@ def _pll_frequency(kP_pll, kI_pll, v_eq):
 
 def _pll_frequency_law(x, v, delta_omega, kP_pll, kI_pll, v_eq):
     # the PLL's angle counts from v at rest, where its cosine and sine are v_eq / |v_eq|
-    scale = reciprocal(square_root(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]))
-    along = scale * (v_eq[0] * v[0] + v_eq[1] * v[1])
+    scale = reciprocal(length(v_eq))
+    along = scale * dot(v_eq, v)
     across = scale * (v_eq[0] * v[1] - v_eq[1] * v[0])
     v_q = across * cosine(x[1]) - along * sine(x[1])
     omega = kP_pll * v_q + kI_pll * x[0]
@@ -137,7 +146,7 @@ PLL_FREQUENCY = ModuleKind(
 
 
 def _dvoc(eta, kappa, alpha, v_eq, i_eq):
-    square = v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]
+    square = dot(v_eq, v_eq)
     scale, c, s = reciprocal(square_root(square)), cosine(kappa), sine(kappa)
     p = [i_eq[0], i_eq[1], v_eq[0], v_eq[1]]
     q = [-i_eq[1], i_eq[0], v_eq[1], -v_eq[0]]
@@ -150,16 +159,16 @@ def _dvoc(eta, kappa, alpha, v_eq, i_eq):
 
 def _dvoc_law(x, v, i, eta, kappa, alpha, v_eq, i_eq):
     c, s, size, scale = cosine(kappa), sine(kappa), x[0], reciprocal(x[0])
-    p = (v_eq[0] * i_eq[0] + v_eq[1] * i_eq[1]) - (v[0] * i[0] + v[1] * i[1])
-    q = (v_eq[1] * i_eq[0] - v_eq[0] * i_eq[1]) - (v[1] * i[0] - v[0] * i[1])
+    p = dot(v_eq, i_eq) - dot(v, i)
+    q = reactive(v_eq, i_eq) - reactive(v, i)
     omega = eta * scale * scale * (s * p - c * q)
-    square = v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]
+    square = dot(v_eq, v_eq)
     rate = eta * scale * (c * p + s * q) + alpha * (square - size * size) * size
     return (rate,), (omega, size)
 
 
 def _dvoc_at_rest(v_eq):
-    return (square_root(v_eq[0] * v_eq[0] + v_eq[1] * v_eq[1]),)
+    return (length(v_eq),)
 
 
 DVOC = ModuleKind(
