@@ -5,7 +5,7 @@ events, or described.
 from argparse import Namespace
 from typing import TYPE_CHECKING
 
-from ibrid.commands.outputs import command_line
+from ibrid.commands.outputs import command_line, give_events, say_sweep
 from ibrid.errors import IbridError
 from ibrid.own_files import also_reading
 from ibrid.streams import complain
@@ -78,17 +78,13 @@ def _sweep(arguments: Namespace, device: "DeviceFile") -> int:
         )
     for sentence in check_conventions(sweep).warnings:
         complain(f"of the sweep: {sentence}")
-    print(
-        f"{arguments.out}: {len(sweep.points[0].frequency)} frequencies at {'; '.join(sweep.names)}"
-    )
+    say_sweep(sweep, arguments.out)
     return 0
 
 
 def _record(arguments: Namespace, device: "DeviceFile") -> int:
     from ibrid.devices.fresh_device import MeasureSettings
     from ibrid.devices.recording_events import measure_events
-    from ibrid.measurement.formats.event_csv import write_events
-    from ibrid.measurement.sweeps.quantities import counted
     from ibrid.telling import telling
 
     settings = MeasureSettings(peak=arguments.peak, rate=arguments.rate)
@@ -104,6 +100,5 @@ def _record(arguments: Namespace, device: "DeviceFile") -> int:
             settings=settings,
             tell=tell,
         )
-    write_events(events, arguments.out, header=(f"made by: {line}",))
-    print(f"{arguments.out}: {counted(len(events.records), 'record')}: {'; '.join(events.names)}")
+    give_events(events, arguments.out, f"made by: {line}")
     return 0

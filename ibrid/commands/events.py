@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from ibrid.arguments.places import is_record
 from ibrid.commands import inputs
-from ibrid.commands.outputs import command_line
+from ibrid.commands.outputs import command_line, give_events, made_of
 from ibrid.errors import IbridError
 from ibrid.streams import complain
 from ibrid.writing import inside, require_folder, require_place, write_json, write_whole
@@ -25,8 +25,6 @@ def run_record(arguments: Namespace) -> int:
     """Simulate and write the file."""
     require_place(arguments.out)
 
-    from ibrid.measurement.formats.event_csv import write_events
-    from ibrid.measurement.sweeps.quantities import counted
     from ibrid.plants.sweeping import operating_point, plant_named
     from ibrid.playback.recording import event_of, record_events
 
@@ -44,12 +42,9 @@ def run_record(arguments: Namespace) -> int:
         noise_db=arguments.noise_db,
         seed=arguments.seed,
     )
-    values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     options = ("op", "event", "set", "rate", "angle", "seed", "length", "noise_db")
     line = command_line(arguments, "record", arguments.plant, options=options)
-    header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters: {values}")
-    write_events(events, arguments.out, header=header)
-    print(f"{arguments.out}: {counted(len(events.records), 'record')}: {'; '.join(events.names)}")
+    give_events(events, arguments.out, *made_of(plant, line))
     return 0
 
 

@@ -7,11 +7,16 @@ from argparse import Namespace
 from collections.abc import Mapping, Sequence
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ibrid.errors import IbridError
 from ibrid.own_files import same_file
 from ibrid.writing import json_lines, require_place, write_whole
+
+if TYPE_CHECKING:
+    from ibrid.measurement.recordings.events import Events
+    from ibrid.measurement.sweeps.sweep import Sweep
+    from ibrid.plants.reference import ReferenceInverter
 
 TERMINAL = "-"
 #: Exit status of a command that a limit ended before it was finished; what was found is kept.
@@ -53,6 +58,27 @@ def give_json(content: Any, where: str | None) -> bool:
         return True
     write_whole(where, text)
     return False
+
+
+def say_sweep(sweep: "Sweep", out: str) -> None:
+    """Say what a sweep file holds."""
+    frequencies = len(sweep.points[0].frequency)
+    print(f"{out}: {frequencies} frequencies at {'; '.join(sweep.names)}")
+
+
+def give_events(events: "Events", out: str, *header: str) -> None:
+    """Write records and say what the file holds; header : lines of it."""
+    from ibrid.measurement.formats.event_csv import write_events
+    from ibrid.measurement.sweeps.quantities import counted
+
+    write_events(events, out, header=header)
+    print(f"{out}: {counted(len(events.records), 'record')}: {'; '.join(events.names)}")
+
+
+def made_of(plant: "ReferenceInverter", line: str) -> tuple[str, str, str]:
+    """Lines of a file that a command line made of a reference inverter."""
+    values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
+    return f"made by: {line}", f"inverter: {plant.source}", f"true parameters: {values}"
 
 
 def command_line(arguments: Namespace, *words: str, options: Sequence[str]) -> str:

@@ -7,7 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import command_line, give_json, require_distinct, require_json_place
+from ibrid.commands.outputs import (
+    command_line,
+    give_json,
+    require_distinct,
+    require_json_place,
+    say_sweep,
+)
 from ibrid.errors import IbridError
 from ibrid.writing import require_place, write_whole
 
@@ -51,7 +57,7 @@ def run_predict(arguments: Namespace) -> int:
     content = {"schema": "ibrid.prediction/1", "points": [one.plain() for one in predictions]}
     if not give_json(content, arguments.json):
         print(format_predictions(predictions))
-        print(f"{arguments.out}: {len(frequency)} frequencies at {'; '.join(sweep.names)}")
+        say_sweep(sweep, arguments.out)
     return 0
 
 
@@ -97,10 +103,7 @@ def _predict_plant(arguments: Namespace) -> int:
         write_whole(arguments.equivalent, equivalent_file(plant.equivalent))
     if not give_json(plant.plain(), arguments.json):
         print(format_plant(plant))
-        print(
-            f"{arguments.out}: {len(plant.sweep.points[0].frequency)} frequencies at "
-            f"{'; '.join(plant.sweep.names)}"
-        )
+        say_sweep(plant.sweep, arguments.out)
     return 0
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
-from ibrid.commands.outputs import command_line, give_json, require_json_place
+from ibrid.commands.outputs import command_line, give_json, made_of, require_json_place, say_sweep
 from ibrid.errors import IbridError, SweepError
 from ibrid.streams import complain
 from ibrid.writing import require_place
@@ -34,17 +34,12 @@ def run_sweep(arguments: Namespace) -> int:
         repeats=arguments.repeats,
         seed=arguments.seed,
     )
-    values = ", ".join(f"{name} = {value!r}" for name, value in plant.diagram_values.items())
     noise = () if arguments.noise_db is None else ("noise_db", "repeats", "seed")
     line = command_line(
         arguments, "sweep", arguments.plant, options=("op", "freq", "method", *noise, "set")
     )
-    header = (f"made by: {line}", f"inverter: {plant.source}", f"true parameters: {values}")
-    write_sweep(measured, arguments.out, header=header)
-    print(
-        f"{arguments.out}: {len(measured.points[0].frequency)} frequencies at "
-        f"{'; '.join(measured.names)}"
-    )
+    write_sweep(measured, arguments.out, header=made_of(plant, line))
+    say_sweep(measured, arguments.out)
     return 0
 
 

@@ -23,7 +23,7 @@ normal equations square the condition number of J. Directions with singular valu
 `Descent`, `Points` and `Batch` are values: a caller descends some steps, keeps the best, goes on.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import Any, Protocol
@@ -248,6 +248,19 @@ def carried(states: Iterable[Any]) -> tuple[np.ndarray]:
     kept = np.empty(len(states), dtype=object)
     kept[:] = states
     return (kept,)
+
+
+def evaluated(
+    x: np.ndarray, evaluate: Callable[[np.ndarray, Any], Any], beginnings: Sequence[Any] | None
+) -> Points:
+    """Evaluate each x (S, P) by itself, from a beginning of its own or from None.
+
+    evaluate : returns an object with its `cost`, which the points carry; None for an infinite one.
+    """
+    pairs = zip(x, beginnings or [None] * len(x), strict=True)
+    states = [evaluate(*pair) for pair in pairs]
+    costs = [np.inf if state is None else state.cost for state in states]
+    return Points(x, np.array(costs), carried(states))
 
 
 def _arrays(points: Points) -> tuple[np.ndarray, ...]:

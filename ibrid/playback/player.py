@@ -213,12 +213,8 @@ def run(
     constants). x (n, S), memory (k, S), constants (q, S), contiguous. rate : steps per second at
     least, `most` between two samples. deepest : as of `simulate`, as is the rule of the steps.
     """
-    time, lanes, code = signals.x, x.shape[1], (tape.once, tape.each, tape.rows, tape.results)
-    x, memory, constants = (_filled(one) for one in (x, memory, constants))
-    parts = np.clip(np.ceil(np.diff(time) * rate), 1, most).astype(np.int64)
-    spline = np.ascontiguousarray(signals.c)
-    current, left, memory = simulate(code, x, memory, constants, spline, time, parts, deepest, rule)
-    return current[:, :, :lanes], left[:lanes], memory[:, :lanes]
+    parts = np.clip(np.ceil(np.diff(signals.x) * rate), 1, most).astype(np.int64)
+    return _simulated(simulate, tape, signals, (x, memory, constants), parts, deepest, rule)
 
 
 def run_in_fixed_steps(
@@ -233,14 +229,20 @@ def run_in_fixed_steps(
 
     a : (n, n) state matrix at rest.
     """
-    time, lanes, code = signals.x, x.shape[1], (tape.once, tape.each, tape.rows, tape.results)
-    x, memory, constants = (_filled(one) for one in (x, memory, constants))
+    time = signals.x
     step = float(time[-1] - time[0]) / (len(time) - 1)
     inverse = np.ascontiguousarray(np.linalg.inv(np.eye(len(a)) - 0.5 * step * a))
-    spline = np.ascontiguousarray(signals.c)
-    current, left, memory = simulate_in_fixed_steps(
-        code, x, memory, constants, spline, time, step, inverse
-    )
+    begin = (x, memory, constants)
+    return _simulated(simulate_in_fixed_steps, tape, signals, begin, step, inverse)
+
+
+def _simulated(
+    steps: Any, tape: Tape, signals: CubicSpline, begin: Sequence[np.ndarray], *how: Any
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """By compiled steps, from states, memory and constants; how : what these steps ask for."""
+    code = (tape.once, tape.each, tape.rows, tape.results)
+    lanes, spline = begin[0].shape[1], np.ascontiguousarray(signals.c)
+    current, left, memory = steps(code, *map(_filled, begin), spline, signals.x, *how)
     return current[:, :, :lanes], left[:lanes], memory[:, :lanes]
 
 
@@ -292,6 +294,11 @@ def _beside(one: CubicSpline, other: CubicSpline | PchipInterpolator) -> CubicSp
     return CubicSpline.construct_fast(
         np.ascontiguousarray(np.concatenate([one.c, other.c], axis=2)), one.x
     )
+
+
+def _clock(record: EventRecord) -> float:
+    """Time of the first sample after the event begins, s: negative."""
+    return float(record.time[0]) - record.rest_end
 
 
 class _Laws:
@@ -379,11 +386,20 @@ class _Laws:
             "begin", [theta, point, deviation, clock], [ca.vertcat(*part) for part in begin]
         )
 
+    def _begun(self, record: EventRecord, values: Sets, clock: float) -> list[np.ndarray]:
+        """States, memory, constants and `SIZES` at a record's rest, a column for each set of
+        values; clock : as of `_at_rest`.
+        """
+        names = [one.name for one in self.player.parameters]
+        numbers = np.array([[one[name] for one in values] for name in names]).reshape(
+            len(names), len(values)
+        )
+        begun = self._begin(numbers, record.rest.pqv, 2 * np.pi * record.offset_hz, clock)
+        return [np.array(part) for part in begun]
+
     def at_rest(self, record: EventRecord, values: Mapping[str, float]) -> Matrices:
         """A, B, C, D at a record's rest."""
-        numbers = [values[one.name] for one in self.player.parameters]
-        begun = self._begin(numbers, record.rest.pqv, 2 * np.pi * record.offset_hz, 0.0)
-        x, memory, constants, _ = (np.array(part) for part in begun)
+        x, memory, constants, _ = self._begun(record, [values], 0.0)
         if not np.isfinite(np.vstack([x, constants])).all():
             raise IbridError(NO_REST)
         a, b, c, d = (
@@ -412,10 +428,7 @@ class _Laws:
         self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float
     ) -> np.ndarray:
         """(M, N, 2) as `Player.pulse_responses`."""
-        numbers = [values[one.name] for one in self.player.parameters]
-        clock = float(record.time[0]) - record.rest_end
-        begun = self._begin(numbers, record.rest.pqv, 2 * np.pi * record.offset_hz, clock)
-        x, memory, constants, _ = (np.array(part) for part in begun)
+        x, memory, constants, _ = self._begun(record, [values], _clock(record))
         a, *_ = self.at_rest(record, values)
         begins = record.time[intervals]
         lengths = record.time[intervals + 1] - begins
@@ -429,7 +442,7 @@ class _Laws:
             record.time, np.column_stack([record.voltage(record.time), record.time])
         )
         start, kept = (np.ascontiguousarray(np.repeat(one, lanes, axis=1)) for one in (x, memory))
-        deepest = DEEPER if len(memory) or any(one.jumps for one in self.player.limits) else SHALLOW
+        deepest = DEEPER if self._switches(memory) else SHALLOW
         current, *_ = run(
             self._pulse_tape,
             signals,
@@ -447,16 +460,7 @@ class _Laws:
         self, record: EventRecord, values: Sets, step: float, rule: Rule, sharp: bool
     ) -> list[Played]:
         """As `Player.play`."""
-        deviation = 2 * np.pi * record.offset_hz
-        names, clock = (
-            [one.name for one in self.player.parameters],
-            float(record.time[0]) - record.rest_end,
-        )
-        numbers = np.array([[one[name] for one in values] for name in names]).reshape(
-            len(names), len(values)
-        )
-        begun = self._begin(numbers, record.rest.pqv, deviation, clock)
-        x, memory, constants, sizes = (np.array(part) for part in begun)
+        x, memory, constants, sizes = self._begun(record, values, _clock(record))
         kept = np.flatnonzero(np.isfinite(np.vstack([x, constants])).all(axis=0)).tolist()
         if not len(kept):
             raise IbridError(NO_REST)
@@ -467,7 +471,7 @@ class _Laws:
         a, b, c, _ = (np.nan_to_num(np.array(one)) for one in linear)
         signals, drawn = (
             self._signals(record),
-            self._drawn(record, [values[k] for k in kept], deviation),
+            self._drawn(record, [values[k] for k in kept]),
         )
         if self.led:
             gain = self._correction(a, b, c)
@@ -481,9 +485,7 @@ class _Laws:
                 else record.current
             )
             signals = _beside(signals, drawn_too)
-        sharp = not self.led and (
-            sharp or len(memory) > 0 or any(one.jumps for one in self.player.limits)
-        )
+        sharp = not self.led and (sharp or self._switches(memory))
         most, deepest = (
             (MOST_PARTS, DEEP) if step <= FINE else (FEW_PARTS, DEEPER if sharp else SHALLOW)
         )
@@ -501,6 +503,10 @@ class _Laws:
             gone = None if np.isnan(left[lane]) else float(left[lane])
             played[k] = Played(delivered, gone, memory[:, lane], sizes[:, k])
         return played
+
+    def _switches(self, memory: np.ndarray) -> bool:
+        """Whether a limit has a memory or jumps."""
+        return len(memory) > 0 or any(one.jumps for one in self.player.limits)
 
     def _signals(self, record: EventRecord) -> CubicSpline:
         """The voltage, and the steps of the set points beside it; IbridError for one that nothing
@@ -530,15 +536,15 @@ class _Laws:
             self._corrections[key] = correction(a, b, c)
         return self._corrections[key]
 
-    def _drawn(self, record: EventRecord, values: Sets, deviation: float) -> np.ndarray:
+    def _drawn(self, record: EventRecord, values: Sets) -> np.ndarray:
         """(N, 2, S) what shunts at the PCC take; (N, 2, 1) zeros without any."""
         wiring, omega_0 = self.player.wiring, self.player.omega_0
         if not wiring.outside.elements:
             return np.zeros((len(record.time), 2, 1))
         numbers = [parameters_at(wiring, self.player.table, one) for one in values]
+        omega = omega_0 + 2 * np.pi * record.offset_hz
         drawn = [
-            drawn_at_pcc(one, wiring.outside, record.voltage, omega_0, omega_0 + deviation)
-            for one in numbers
+            drawn_at_pcc(one, wiring.outside, record.voltage, omega_0, omega) for one in numbers
         ]
         return np.stack(drawn, axis=2)
 

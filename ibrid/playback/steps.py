@@ -127,9 +127,10 @@ def _keep(w, now, current, sample, left, time, x, start):
 
 
 @njit(**OPTIONS)
-def _begun(tape, start, kept, constants, spline):
-    """The law of every step, all numbers w at the beginning, and their places: memory, outside,
-    rates, following, switches.
+def _begun(tape, start, kept, constants, spline, number):
+    """The law of every step, all numbers w and the states x at the beginning; the places in w of
+    memory, outside, rates, following, switches; and the current of `number` samples and the times
+    of leaving, unknown yet.
     """
     once, each, rows, first = tape
     lanes, n, m = constants.shape[1], start.size, kept.size
@@ -140,7 +141,11 @@ def _begun(tape, start, kept, constants, spline):
     w[:n], w[n:outside] = start.reshape(n), kept.reshape(m)
     w[begin : begin + constants.size] = constants.reshape(constants.size)
     once(w.ctypes.data, lanes)
-    return each, w, (n, outside, rates, following, following + m)
+    x = w[:n].copy()
+    _at(each, w.ctypes.data, w, lanes, outside, 0.0, 0.0, spline, 0)
+    current = np.full((number, 2, lanes), np.nan)
+    places = (n, outside, rates, following, following + m)
+    return each, w, x, places, current, np.full(lanes, np.nan)
 
 
 @njit(**OPTIONS)
@@ -155,19 +160,17 @@ def simulate(tape, start, kept, constants, spline, time, parts, deepest, rule):
     which something switches is divided `deepest` times at most. rule : `ORDER_8` or `ORDER_5`. One
     that left stays at its start.
     """
-    each, w, places = _begun(tape, start, kept, constants, spline)
-    address, lanes, number, n = w.ctypes.data, constants.shape[1], time.size, start.size
+    number, n = time.size, start.size
+    each, w, x, places, current, left = _begun(tape, start, kept, constants, spline, number)
+    address, lanes = w.ctypes.data, left.size
     memory, outside, rates, _, switches = places
-    x, k = w[:n].copy(), np.zeros((rule[2].size, n))
+    k = np.zeros((rule[2].size, n))
     rates_old, x_old, memory_old, before = (
         np.empty(n),
         np.empty(n),
         np.empty(outside - memory),
         np.empty(w.size - switches),
     )
-    current = np.full((number, 2, lanes), np.nan)
-    left = np.full(lanes, np.nan)
-    _at(each, address, w, lanes, outside, 0.0, 0.0, spline, 0)
     _copy(w, rates, k[0])
     _copy(w, switches, before)
     whole = DIVIDED**deepest
@@ -243,14 +246,11 @@ def simulate_in_fixed_steps(tape, start, kept, constants, spline, time, h, inver
     h : s from sample to sample. inverse : (n, n) of I - h/2 A, A the state matrix at rest, for the
     slopes of Newton's iterations.
     """
-    each, w, places = _begun(tape, start, kept, constants, spline)
-    address, lanes, number, n = w.ctypes.data, constants.shape[1], time.size, start.size
+    number, n = time.size, start.size
+    each, w, x, places, current, left = _begun(tape, start, kept, constants, spline, number)
+    address, lanes = w.ctypes.data, left.size
     memory, outside, rates, following, _ = places
-    x, before, error, change = w[:n].copy(), np.empty(n), np.empty(n), np.empty(n)
-    moved = np.zeros(n)
-    current = np.full((number, 2, lanes), np.nan)
-    left = np.full(lanes, np.nan)
-    _at(each, address, w, lanes, outside, 0.0, 0.0, spline, 0)
+    before, error, change, moved = np.empty(n), np.empty(n), np.empty(n), np.zeros(n)
     _copy(w, rates, before)
     for sample in range(number):
         _keep(w, rates + n, current, sample, left, time, x, start)

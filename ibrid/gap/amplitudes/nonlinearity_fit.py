@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from ibrid.errors import IbridError
-from ibrid.fit.least_squares import Descent, Points, carried
+from ibrid.fit.least_squares import Descent, Points, carried, evaluated
 from ibrid.gap.amplitudes.amplitude_data import AmplitudeData
 from ibrid.gap.amplitudes.harmonic_balance import (
     LinearPart,
@@ -181,12 +181,8 @@ class NonlinearityFitter:
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate the cost at x (S, P + 1), with motions that begin at those of `near`."""
-        motions: list[np.ndarray | None] = [None] * len(x)
-        if near is not None:
-            motions = [point.motion.entering for point in near.carried[0]]
-        points = [self.evaluate(*pair) for pair in zip(x, motions, strict=True)]
-        costs = [np.inf if point is None else point.cost for point in points]
-        return Points(x, np.array(costs), carried(points))
+        motions = None if near is None else [one.motion.entering for one in near.carried[0]]
+        return evaluated(x, self.evaluate, motions)
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """Return half the gradient (S, P + 1) and the Gauss-Newton Hessian (S, P + 1, P + 1)."""

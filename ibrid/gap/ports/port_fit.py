@@ -9,10 +9,11 @@ and Pereyra 1973, in Kaufman's form).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from ibrid.fit.least_squares import Descent, Points, carried
+from ibrid.fit.least_squares import Descent, Points, evaluated
 from ibrid.gap.ports.open_port import OpenedModel, OpenPort
 from ibrid.gap.refitting.prior import ParameterPrior
 
@@ -135,21 +136,14 @@ class OpenPortFit:
 
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate the cost at x (S, P), with transfers that begin at those of `near`."""
-        transfers: list[np.ndarray | None] = [None] * len(x)
-        if near is not None:
-            transfers = [point.g for point in near.carried[0]]
-        points = [
-            evaluate_port(self.model, self.problem, *pair)
-            for pair in zip(x, transfers, strict=True)
-        ]
-        costs = [np.inf if point is None else point.cost for point in points]
-        return Points(x, np.array(costs), carried(points))
+        transfers = None if near is None else [point.g for point in near.carried[0]]
+        return evaluated(x, partial(evaluate_port, self.model, self.problem), transfers)
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """Return half the gradient (S, P) and the Gauss-Newton Hessian (S, P, P)."""
-        evaluated = points.carried[0]
-        gradients = np.array([point.gradient for point in evaluated])
-        hessians = [point.information + np.diag(point.prior_information) for point in evaluated]
+        carried = points.carried[0]
+        gradients = np.array([point.gradient for point in carried])
+        hessians = [point.information + np.diag(point.prior_information) for point in carried]
         return gradients, np.array(hessians)
 
 

@@ -110,8 +110,7 @@ def record_from_rest(
         )
     if ripples:
         _check_sequence(name, _constants(time[:count], v[:count], f0_hz))
-    offset = _offset_hz(time[:count], v[:count], f0_hz, ripples)
-    turned = [one * np.exp(-2j * np.pi * offset * (time - begin)) for one in (v, i)]
+    offset, turned = _turned_back(time, v, i, count, f0_hz, ripples)
     _check_rest(name, time[:count], [one[:count] for one in turned], f0_hz, ripples)
     if abs(offset) > _OFFSET_HZ:
         raise SweepError(
@@ -127,8 +126,7 @@ def record_from_rest(
             "begin earlier."
         )
     for _ in range(6):
-        offset = _offset_hz(time[:count], v[:count], f0_hz, ripples)
-        turned = [one * np.exp(-2j * np.pi * offset * (time - begin)) for one in (v, i)]
+        offset, turned = _turned_back(time, v, i, count, f0_hz, ripples)
         found = min(_departure(time, one, count, f0_hz, ripples) for one in turned)
         if min(found, still) <= count:
             break
@@ -159,6 +157,17 @@ def record_from_rest(
         window=window,
         told=told or {},
     )
+
+
+def _turned_back(
+    time: np.ndarray, v: np.ndarray, i: np.ndarray, count: int, f0_hz: float, ripples: bool
+) -> tuple[float, list[np.ndarray]]:
+    """By which frequency, Hz, the voltage of the first `count` samples turns in its frame, and both
+    signals without that.
+    """
+    offset = _offset_hz(time[:count], v[:count], f0_hz, ripples)
+    turn = np.exp(-2j * np.pi * offset * (time - float(time[0])))
+    return offset, [one * turn for one in (v, i)]
 
 
 def _moves_at(told: np.ndarray) -> int:

@@ -31,9 +31,10 @@ _PASSING = (
     Element.POSITIVE_SEQUENCE,
     Element.SLICE_D,
     Element.SLICE_Q,
-    Element.MAGNITUDE,
     Element.ROTATION_IN,
 )
+#: What a signal may be the size of.
+_SIZES = (Element.POWER, Element.MAGNITUDE)
 #: What a controller holds at zero: the voltage across the axis of a PLL.
 _AT_ZERO = ("e_q",)
 
@@ -87,12 +88,14 @@ class _Paths:
         inputs = ((node.name, port) for port in node.inputs)
         return [self._sources[one] for one in inputs if one in self._sources]
 
-    def _back(self, pin: Pin) -> tuple[Element | None, Pin]:
+    def _back(
+        self, pin: Pin, passing: Sequence[Element] = (*_PASSING, Element.MAGNITUDE)
+    ) -> tuple[Element | None, Pin]:
         """The block behind filters and the like that a signal comes from, None for no block."""
         seen: set[str] = set()
         while (kind := self._kinds.get(self._nodes[pin[0]].kind)) is not None:
             before = self._sources.get((pin[0], self._nodes[pin[0]].inputs[0]))
-            if kind.element not in _PASSING or before is None or pin[0] in seen:
+            if kind.element not in passing or before is None or pin[0] in seen:
                 return kind.element, pin
             seen.add(pin[0])
             pin = before
@@ -114,16 +117,7 @@ class _Paths:
 
     def _is_size(self, pin: Pin) -> bool:
         """Whether a signal is a power or the size of a voltage, also behind filters."""
-        seen: set[str] = set()
-        while (kind := self._kinds.get(self._nodes[pin[0]].kind)) is not None:
-            if kind.element in (Element.POWER, Element.MAGNITUDE):
-                return True
-            before = self._sources.get((pin[0], self._nodes[pin[0]].inputs[0]))
-            if kind.element not in _PASSING or before is None or pin[0] in seen:
-                return False
-            seen.add(pin[0])
-            pin = before
-        return False
+        return self._back(pin, _PASSING)[0] in _SIZES
 
 
 def _is_vector(kind: ModuleKind) -> bool:
