@@ -258,14 +258,10 @@ class _Description:
         """
         orders = {name: pade_order(delay, highest) for name, delay in self.delays.items()}
         try:
-            return orders, {
-                point.op.name: self._poles(point, orders) for point in self.study.sweep.points
-            }
+            return orders, self._poles(orders)
         except DiagramError:
             orders = {name: order + 1 for name, order in orders.items()}
-            return orders, {
-                point.op.name: self._poles(point, orders) for point in self.study.sweep.points
-            }
+            return orders, self._poles(orders)
 
     def _pade_warnings(self, orders: Mapping[str, int], highest: float) -> tuple[str, ...]:
         warnings = []
@@ -278,8 +274,13 @@ class _Description:
                 )
         return tuple(warnings)
 
-    def _poles(self, point: PointSweep, orders: Mapping[str, int]) -> np.ndarray:
-        """Poles with Pade forms of the delays; not a number where there is no operating point."""
+    def _poles(self, orders: Mapping[str, int]) -> dict[str, np.ndarray]:
+        """Poles of every operating point with Pade forms of the delays."""
+        points = self.study.sweep.points
+        return {point.op.name: self._poles_at(point, orders) for point in points}
+
+    def _poles_at(self, point: PointSweep, orders: Mapping[str, int]) -> np.ndarray:
+        """The same of one; not a number where there is no operating point."""
         numbers, physics = self.numbers[point.op.name], self.study.physics
         matrices = module_matrices(
             self.wiring, numbers, point.op.pqv, pade_orders=orders, **physics

@@ -223,10 +223,8 @@ class Record(Frozen):
         `state_space`.
         """
         self._require(op)
-        wiring = self.wiring
-        table = parameter_table(wiring, self.settings["equilibrium"])
-        self._require_values(op, table.names)
-        values, physics = parameters_at(wiring, table, self.parameters[op]), self.physics
+        wiring, physics = self.wiring, self.physics
+        values = self._values_at(wiring, op)
         return terminal_point(
             wiring, values, self.point(op).pqv, physics["power_node"], physics["omega_0"]
         )
@@ -292,8 +290,7 @@ class Record(Frozen):
     def _matrices(self, op: str) -> dict[str, Any]:
         self._require(op)
         wiring = self.wiring
-        table = parameter_table(wiring, self.settings["equilibrium"])
-        self._require_values(op, table.names)
+        values = self._values_at(wiring, op)
         orders = self.settings["pade_orders"]
         for name, kind in wiring.kinds.items():
             if kind.delay is not None and name not in orders:
@@ -301,10 +298,14 @@ class Record(Frozen):
                     f"the record's pade_orders lack {name}; make it again with ibrid evaluate "
                     "--json"
                 )
-        values, point = self.parameters[op], self.point(op).pqv
-        return module_matrices(
-            wiring, parameters_at(wiring, table, values), point, pade_orders=orders, **self.physics
-        )
+        point = self.point(op).pqv
+        return module_matrices(wiring, values, point, pade_orders=orders, **self.physics)
+
+    def _values_at(self, wiring: Wiring, op: str) -> Any:
+        """Module -> parameter -> value at an operating point; IbridError where one lacks."""
+        table = parameter_table(wiring, self.settings["equilibrium"])
+        self._require_values(op, table.names)
+        return parameters_at(wiring, table, self.parameters[op])
 
 
 _TUPLES = ("reasons", "warnings", "at_bound", "identifiability", "twins", "labels")

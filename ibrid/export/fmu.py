@@ -59,7 +59,7 @@ def fmu(
         shared_library(sources, _MAIN, target) for target in (None, *([WINDOWS] if windows else []))
     ]
     members = {
-        "modelDescription.xml": model_description(model, guid, (_MAIN,), name, moving),
+        "modelDescription.xml": model_description(model, guid, name, moving),
         **{f"binaries/{one.folder}/{name}{one.suffix}": one.content for one in libraries},
         **{f"sources/{file}": content for file, content in sources.items()},
     }
@@ -92,7 +92,6 @@ def _starts(
 def model_description(
     model: LinearModel,
     guid: str,
-    sources: Sequence[str],
     name: str = IDENTIFIER,
     moving: NonlinearModel | None = None,
 ) -> bytes:
@@ -123,8 +122,7 @@ def model_description(
             root, way, {"modelIdentifier": name, **dict.fromkeys(able, "true")}
         )
         listed = ElementTree.SubElement(element, "SourceFiles")
-        for source in sources:
-            ElementTree.SubElement(listed, "File", name=source)
+        ElementTree.SubElement(listed, "File", name=_MAIN)
     ElementTree.SubElement(root, "DefaultExperiment", startTime="0", stopTime="1", stepSize="1e-4")
     _variables(ElementTree.SubElement(root, "ModelVariables"), model, moving)
     _structure(ElementTree.SubElement(root, "ModelStructure"), model, everything=moving is not None)

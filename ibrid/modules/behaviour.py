@@ -219,11 +219,6 @@ class Behaviour:
         """
         return "L_g" in _of(self).parameters
 
-    @property
-    def of_circuit(self) -> bool:
-        """True for what is made of copper and no code: the output filter and branches beside it."""
-        return _of(self).family in (PLANT, BRANCH)
-
 
 def same_on_one_axis(scalar: "ModuleKind", vector: "ModuleKind") -> bool:
     """True when a kind of one scalar input and output does what another does on each axis, with

@@ -22,6 +22,8 @@ from ibrid_search.step import Status
 
 __all__ = ["EditError", "apply_edit", "edit_between", "strip_thinking"]
 
+#: Characters of a line, and lines of a program, that are compared to find the most similar one.
+LONGEST_ALIKE, MOST_ALIKE = 200, 1500
 _STATEMENT = re.compile(r"\w{1,64}\.(?:add|connect)\(")
 
 
@@ -152,12 +154,12 @@ def _no_match(block: EditBlock, search: Sequence[str], lines: Sequence[str]) -> 
     )
 
 
-def _nearest(line: str, lines: Sequence[str], longest: int = 200, most: int = 1500) -> int:
+def _nearest(line: str, lines: Sequence[str]) -> int:
     """Index of the line most like `line`; looks at bounded lengths and numbers."""
-    matcher = SequenceMatcher(None, "", line.strip()[:longest], autojunk=False)
+    matcher = SequenceMatcher(None, "", line.strip()[:LONGEST_ALIKE], autojunk=False)
     best, at = -1.0, 0
-    for number, one in enumerate(lines[:most]):
-        matcher.set_seq1(one.strip()[:longest])
+    for number, one in enumerate(lines[:MOST_ALIKE]):
+        matcher.set_seq1(one.strip()[:LONGEST_ALIKE])
         if (
             matcher.real_quick_ratio() > best
             and matcher.quick_ratio() > best

@@ -12,7 +12,7 @@ from ibrid.fit.problem import Problem
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.plants import PLANTS, frequency_grid, operating_point, state_space
-from ibrid.structure.compiling.canonical import canonical_wiring
+from ibrid.structure.compiling.compiled import compile_diagram
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.reading.wiring import Wiring
 
@@ -64,7 +64,7 @@ def problem_of(
     diagram: Diagram, sweep: Sweep, equilibrium: str = "exact"
 ) -> tuple[Problem, Wiring]:
     """The fitting problem that `evaluate` solves with shared parameters."""
-    wiring = canonical_wiring(diagram, VOCABULARY, equilibrium=equilibrium)
+    wiring = compile_diagram(diagram, VOCABULARY, equilibrium=equilibrium).canonical_wiring
     model = symbolic_model(
         wiring, equilibrium=equilibrium, power_node=sweep.power_node, omega_0=sweep.omega_0
     )

@@ -82,7 +82,6 @@ def test_a_copy_under_another_name_does_the_same(kind):
         "shapes",
         "regulates",
         "integrates",
-        "of_circuit",
     )
     assert [getattr(copy, fact) for fact in facts] == [getattr(kind, fact) for fact in facts]
 

@@ -41,16 +41,14 @@ class LoopMode(Frozen):
     damping: float | None
 
 
-def loop_modes(record: Record, op: str | None = None) -> tuple[LoopMode, ...]:
-    """The loops of a record at an operating point, the first by default; empty where none is
-    recognised or there is no fit.
-
-    Raises as `linear_model` for a point that is not the record's.
+def loop_modes(record: Record) -> tuple[LoopMode, ...]:
+    """The loops of a record at its first operating point; empty where none is recognised or there
+    is no fit.
     """
     by_title = loops(record.diagram, record.vocabulary) if record.parameters else {}
     if not by_title:
         return ()
-    op = next(iter(record.parameters)) if op is None else op
+    op = next(iter(record.parameters))
     model = linear_model(record, op)
     shares = participation(model.A, model.states)
     wiring = record.wiring

@@ -61,15 +61,13 @@ class Dataset(ABC):
         self.budget.spend()
         return self._fit_given(diagram)
 
-    def refit_model(
-        self, model: Model, starts: Sequence[Values], *, draws: int = 0, spread: float = SPREAD
-    ) -> Model | None:
+    def refit_model(self, model: Model, starts: Sequence[Values], *, draws: int) -> Model | None:
         """Refit a model; None where it has no response.
 
-        starts, draws, spread : as of `SweepFitter.fit`.
+        starts, draws : as of `SweepFitter.fit`.
         """
         self.budget.spend()
-        return self._refit_model(model, starts, draws=draws, spread=spread)
+        return self._refit_model(model, starts, draws=draws, spread=SPREAD)
 
     def refit_from(self, model: Model, starts: Sequence[Values]) -> Model:
         """Refit a model from further starts and return the better fit."""

@@ -54,9 +54,9 @@ class LimitCandidate:
         """
         return self._start_descents(self.misfit.prediction.coarse, origins, number)
 
-    def start_simulations(self, origins: Sequence[Values], number: int) -> list[EventDescent]:
-        """Return the best descents on whole recordings, best first."""
-        return self._start_descents(self.misfit, origins, number)
+    def start_simulations(self, origins: Sequence[Values]) -> list[EventDescent]:
+        """Return the best descent on whole recordings."""
+        return self._start_descents(self.misfit, origins, 1)
 
     def _start_descents(
         self, misfit: EventMisfit, origins: Sequence[Values], number: int
@@ -200,7 +200,7 @@ def _start_simulations(
     """Begin on whole recordings where predictions end; where that diverges, from the values."""
     descents = [candidate.misfit.start_descent(prediction.x) for prediction in predictions]
     simulated = [descent for descent in descents if np.isfinite(descent.cost)]
-    return simulated or candidate.start_simulations(values, 1)
+    return simulated or candidate.start_simulations(values)
 
 
 def refit_by_predictions(

@@ -86,15 +86,10 @@ def angle_reading(point: PointSweep, noise: PointNoise) -> AngleReading | None:
     frequency = point.frequency[lowest] / point.frequency[0]
     if len(frequency) < FEWEST:
         return None
-    column = point.admittance[lowest][:, :, 1]
-    basis = np.stack([np.ones_like(frequency), frequency**2], axis=1)
-    at_rest, bend = np.linalg.lstsq(basis, np.real(column), rcond=None)[0]
-    slope = np.linalg.lstsq(frequency[:, None], np.imag(column), rcond=None)[0][0]
+    at_rest, moving, left = column_at_rest(frequency, point.admittance[lowest][:, :, 1])
     size = float(np.linalg.norm(at_rest))
     if not size:
         return None
-    moving = float(np.linalg.norm(bend) + np.linalg.norm(slope)) / size
-    left = float(np.linalg.norm(np.real(column) - basis @ [at_rest, bend], axis=1).max()) / size
     level = 0.0
     if noise.relative is not None:
         absolute = noise.relative[lowest] * np.linalg.norm(point.admittance[lowest], axis=(1, 2))
@@ -124,6 +119,22 @@ def exchanged_diagonal(sweep: Sweep, noise: Mapping[str, PointNoise]) -> str:
         "the lowest frequencies show p in Ydd, where a device that turns with the voltage has it "
         "in Yqq: Ydd and Yqq are probably exchanged."
     )
+
+
+def column_at_rest(frequency: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """A column of Y (K, 2) at zero frequency (2,), and as parts of it: what moves at the lowest
+    frequency, and what Re = a + b f^2, Im = c f leave of the real part; infinite of zero.
+
+    frequency : (K,) over the lowest.
+    """
+    basis = np.stack([np.ones_like(frequency), frequency**2], axis=1)
+    at_rest, bend = np.linalg.lstsq(basis, np.real(column), rcond=None)[0]
+    slope = np.linalg.lstsq(frequency[:, None], np.imag(column), rcond=None)[0][0]
+    size = float(np.linalg.norm(at_rest))
+    if not size:
+        return at_rest, np.inf, np.inf
+    left = float(np.linalg.norm(np.real(column) - basis @ [at_rest, bend], axis=1).max())
+    return at_rest, float(np.linalg.norm(bend) + np.linalg.norm(slope)) / size, left / size
 
 
 def contradictions(

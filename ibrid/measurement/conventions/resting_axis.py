@@ -14,6 +14,7 @@ from typing import Literal
 
 import numpy as np
 
+from ibrid.measurement.conventions.angle_law import column_at_rest
 from ibrid.measurement.sweeps.noise import PointNoise
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
@@ -105,13 +106,7 @@ def _resting(
 
 
 def _at_rest(point: PointSweep, window: np.ndarray, column: int) -> tuple[np.ndarray, float]:
-    """A column of Y at zero frequency (2,), and which part of it moves at the lowest of a window:
-    Re = a + b f^2, Im = c f.
-    """
+    """A column of Y at zero frequency (2,), and the part of it that moves where a window begins."""
     frequency = point.frequency[window] / point.frequency[window][0]
-    values = point.admittance[window][:, :, column]
-    basis = np.stack([np.ones_like(frequency), frequency**2], axis=1)
-    at_rest, bend = np.linalg.lstsq(basis, np.real(values), rcond=None)[0]
-    slope = np.linalg.lstsq(frequency[:, None], np.imag(values), rcond=None)[0][0]
-    size = float(np.linalg.norm(at_rest))
-    return at_rest, float(np.linalg.norm(bend) + np.linalg.norm(slope)) / size if size else np.inf
+    at_rest, moving, _ = column_at_rest(frequency, point.admittance[window][:, :, column])
+    return at_rest, moving

@@ -32,22 +32,20 @@ M_FILTERS = {
 }
 
 
-def p_class(rate: float, f0_hz: float, where: str = "window") -> tuple[np.ndarray, np.ndarray]:
+def p_class(rate: float, f0_hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Offsets, s, and weights; whatever the rate is, they are of about two cycles."""
     k = np.arange(-(P_ORDER // 2), P_ORDER // 2 + 1)
     return k / (P_SAMPLES * f0_hz), 1.0 - 2.0 * np.abs(k) / (P_ORDER + 2)
 
 
-def m_class(rate: float, f0_hz: float, where: str = "window") -> tuple[np.ndarray, np.ndarray]:
-    """Offsets, s, and weights; SweepError, beginning with `where`, for a rate that has no reference
-    filter.
-    """
+def m_class(rate: float, f0_hz: float) -> tuple[np.ndarray, np.ndarray]:
+    """Offsets, s, and weights; SweepError for a rate that has no reference filter."""
     if (round(f0_hz, 6), round(rate, 6)) not in M_FILTERS:
         rates = ", ".join(f"{known:g}" for nominal, known in M_FILTERS if nominal == f0_hz)
         known = (
             f"at {f0_hz:g} Hz those of {rates} frames per s" if rates else "those of 50 and 60 Hz"
         )
-        raise SweepError(f"{where}: of class M {known} are known; found {rate:g}, say unknown.")
+        raise SweepError(f"window: of class M {known} are known; found {rate:g}, say unknown.")
     cut_off, order = M_FILTERS[int(f0_hz), int(rate)]
     k = np.arange(-(order // 2), order // 2 + 1)
     hamming = 0.54 + 0.46 * np.cos(2.0 * np.pi * k / order)

@@ -160,9 +160,8 @@ class Window(Frozen):
         return inside + np.maximum(x - edges[-1], 0.0)
 
 
-def window_of(text: str, f0_hz: float, where: str = "window") -> Window:
-    """The window that a file says. SweepError, beginning with `where`, for a form that is not known
-    or a number out of range.
+def window_of(text: str, f0_hz: float) -> Window:
+    """The window that a file says. SweepError for an unknown form or a number out of range.
 
     `unknown` gives one without a length, which `recordings` finds from the voltage.
     """
@@ -171,7 +170,7 @@ def window_of(text: str, f0_hz: float, where: str = "window") -> Window:
         return Window(kind, np.zeros(1), np.ones(1))
     if kind not in _MAKERS:
         raise SweepError(
-            f"{where} must be {', '.join(FORMS)}; found {text[:60]!r}, "
+            f"window must be {', '.join(FORMS)}; found {text[:60]!r}, "
             f"{near(kind, [*_MAKERS, 'none'])}"
         )
     try:
@@ -180,16 +179,16 @@ def window_of(text: str, f0_hz: float, where: str = "window") -> Window:
         number = np.nan
     if not (np.isfinite(number) and number > 0):
         form = next(one for one in FORMS if one.startswith(f"{kind}:"))
-        raise SweepError(f"{where} is written {form}, with a positive number; found {text[:60]!r}.")
-    offsets, weights = _MAKERS[kind](number, f0_hz, where)
+        raise SweepError(f"window is written {form}, with a positive number; found {text[:60]!r}.")
+    offsets, weights = _MAKERS[kind](number, f0_hz)
     return Window(text.strip(), offsets, weights / weights.sum())
 
 
-def fourier(cycles: float, f0_hz: float, where: str = "window") -> tuple[np.ndarray, np.ndarray]:
+def fourier(cycles: float, f0_hz: float) -> tuple[np.ndarray, np.ndarray]:
     """Offsets and weights of a Fourier window of so many cycles that ends at its tag."""
     if cycles > MOST_CYCLES:
         raise SweepError(
-            f"{where}: a Fourier window has at most {MOST_CYCLES:g} cycles; found {cycles:g}."
+            f"window: a Fourier window has at most {MOST_CYCLES:g} cycles; found {cycles:g}."
         )
     count = max(round(PARTS * cycles), PARTS)
     offsets = (np.arange(count) + 0.5 - count) * cycles / f0_hz / count
@@ -202,13 +201,11 @@ def triangle(seconds: float) -> tuple[np.ndarray, np.ndarray]:
     return 0.5 * seconds * part, 1.0 - np.abs(part)
 
 
-def first_order(
-    seconds: float, f0_hz: float = 0.0, where: str = "window"
-) -> tuple[np.ndarray, np.ndarray]:
+def first_order(seconds: float, f0_hz: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     """Offsets and weights of 1 / (1 + s T), which ends at its tag."""
     if not CONSTANT[0] <= seconds <= CONSTANT[1]:
         raise SweepError(
-            f"{where}: the time constant of first_order is from {CONSTANT[0]:g} to {CONSTANT[1]:g} "
+            f"window: the time constant of first_order is from {CONSTANT[0]:g} to {CONSTANT[1]:g} "
             f"s; found {seconds:g}."
         )
     part = seconds / PARTS_OF_CONSTANT
@@ -216,7 +213,7 @@ def first_order(
     return -offsets, np.exp(-offsets / seconds)
 
 
-_Maker = Callable[[float, float, str], tuple[np.ndarray, np.ndarray]]
+_Maker = Callable[[float, float], tuple[np.ndarray, np.ndarray]]
 _MAKERS: dict[str, _Maker] = {
     "dft": fourier,
     "c37.118-P": p_class,

@@ -102,25 +102,8 @@ class EventRecord(Frozen):
             if getattr(self, name) is None:
                 continue
             require_unmasked(f"{name} of record {self.name}", getattr(self, name))
-            value = _numbers(f"{name} of record {self.name}", getattr(self, name))
-            if value.shape != shape or not np.isfinite(value).all():
-                raise SweepError(
-                    f"{name} of record {self.name} must be finite numbers of shape {shape}; found "
-                    f"shape {value.shape}"
-                    f"{'' if np.isfinite(value).all() else ' and NaN or infinity'}."
-                )
-            value.flags.writeable = False
-            object.__setattr__(self, name, value)
-        told = {
-            name: _numbers(f"{name} of record {self.name}", value)
-            for name, value in self.told.items()
-        }
-        for name, value in told.items():
-            if value.shape != (count,) or not np.isfinite(value).all():
-                raise SweepError(
-                    f"{name} of record {self.name} must be finite numbers of shape {(count,)}."
-                )
-            value.flags.writeable = False
+            object.__setattr__(self, name, self._checked(name, getattr(self, name), shape))
+        told = {name: self._checked(name, value, (count,)) for name, value in self.told.items()}
         object.__setattr__(self, "told", told)
         if count < 4 or (np.diff(self.time) <= 0).any():
             raise SweepError(
@@ -132,6 +115,18 @@ class EventRecord(Frozen):
                 f"sigma of record {self.name} must be positive; leave it out where the noise is "
                 "unknown."
             )
+
+    def _checked(self, name: str, values: Any, shape: tuple[int, ...]) -> np.ndarray:
+        """A copy that cannot be changed; SweepError for another shape and what is not finite."""
+        value = _numbers(f"{name} of record {self.name}", values)
+        if value.shape != shape or not np.isfinite(value).all():
+            raise SweepError(
+                f"{name} of record {self.name} must be finite numbers of shape {shape}; found "
+                f"shape {value.shape}"
+                f"{'' if np.isfinite(value).all() else ' and NaN or infinity'}."
+            )
+        value.flags.writeable = False
+        return value
 
     @property
     def name(self) -> str:

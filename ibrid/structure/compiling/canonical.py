@@ -9,7 +9,6 @@ from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.compiling.compiled import compile_diagram
 from ibrid.structure.diagrams.diagram import Diagram
-from ibrid.structure.reading.wiring import Wiring
 
 
 @takes_kinds
@@ -39,15 +38,3 @@ def canonical_order(
     correspond in it.
     """
     return compile_diagram(diagram, vocabulary, equilibrium=equilibrium).canonical_order
-
-
-def canonical_wiring(
-    diagram: Diagram,
-    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
-    *,
-    equilibrium: str = "exact",
-) -> Wiring:
-    """The wiring in an order that depends on the structure alone, so that renaming or reordering
-    changes no number.
-    """
-    return compile_diagram(diagram, vocabulary, equilibrium=equilibrium).canonical_wiring

@@ -15,7 +15,7 @@ import networkx as nx
 import numpy as np
 
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
-from ibrid.structure.reading.parameters import ParameterTable, parameter_table
+from ibrid.structure.reading.parameters import ParameterTable
 from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, split_port
 
 Gains = dict[tuple[Channel, Channel], float]  # (from, to) -> gain between output channels
@@ -117,11 +117,6 @@ class _Draws:
         while len(self._drawn) <= number:
             self._drawn.append(_direct_terms(self.wiring, self.table, self._rng, self._largest_q))
         return self._drawn[number]
-
-
-def algebraic_loops(wiring: Wiring, *, equilibrium: str = "exact") -> tuple[AlgebraicLoop, ...]:
-    """Find all loops of direct terms of a wired diagram; a transport delay breaks a loop."""
-    return DirectTerms(wiring, parameter_table(wiring, "exact"), equilibrium).loops
 
 
 def round_trips(graph: nx.DiGraph) -> list[set[Any]]:
