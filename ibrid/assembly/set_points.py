@@ -13,6 +13,7 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 from ibrid.assembly.module_motion import Module
+from ibrid.assembly.numbers import is_zero
 from ibrid.modules.behaviour import Element
 from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of
 
@@ -105,8 +106,3 @@ def _row_at_rest(module: Module, row: int, arguments: Mapping[str, Any]) -> list
 
 def _first_input(module: Module, axis: int) -> Channel:
     return f"{module.name}.{next(iter(module.kind.inputs), '')}", axis
-
-
-def is_zero(value: Any) -> bool:
-    """Whether a number or an expression is zero whatever its symbols are."""
-    return bool(value.is_zero()) if hasattr(value, "is_zero") else value == 0.0

@@ -148,10 +148,9 @@ def without_wrong_rows(sweep: "Sweep") -> "Sweep":
 
 def holds_events(text: str) -> bool:
     """Whether there is a file of records in time at that place, and no sweep."""
-    from ibrid.measurement.formats.bundle import is_there
-    from ibrid.measurement.read_events import is_events_file
+    from ibrid.arguments import coercion
 
-    return is_there(Path(text)) and is_events_file(Path(text))
+    return coercion.holds_events(text)
 
 
 #: Options that say what files of records do not.

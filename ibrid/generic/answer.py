@@ -17,6 +17,7 @@ from ibrid.generic.dyr import range_warnings
 from ibrid.generic.fit import GenericFit, fit_generic
 from ibrid.generic.model import GenericModel, model_named
 from ibrid.generic.seen import SeenRecord, seen_events
+from ibrid.measurement.recordings.dq_pairs import to_pairs
 from ibrid.measurement.recordings.event_windows import windows_of
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.quantities import counted
@@ -211,7 +212,7 @@ def _played(
     answer = seen.current(
         lambda time, v, told, rest: model.play(values, dialect, time, v, told, rest)
     )
-    current = np.stack([np.real(answer), np.imag(answer)], axis=-1)
+    current = to_pairs(answer)
     record = seen.record
     return PlayedRecord(
         record, current, None, nrmse(current, record), {}, windows_of(record, record.f0_hz or 50.0)

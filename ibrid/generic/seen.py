@@ -11,6 +11,7 @@ from ibrid.errors import IbridError
 from ibrid.frozen import Frozen
 from ibrid.generic.simulate import TOLD
 from ibrid.measurement.estimators.correlation import Correlated, correlated, noise_of_frames
+from ibrid.measurement.recordings.dq_pairs import to_complex, to_pairs
 from ibrid.measurement.recordings.event_rest import noise_at_rest
 from ibrid.measurement.recordings.events import NO_WINDOW, EventRecord, Events
 
@@ -47,8 +48,8 @@ class SeenRecord(Frozen):
 
     def residual(self, current: np.ndarray) -> np.ndarray:
         """Independent errors, in standard deviations, of the samples that tell something."""
-        away = current - self.record.i @ np.array([1.0, 1.0j])
-        error = np.stack([np.real(away), np.imag(away)], axis=-1)[None]
+        away = current - to_complex(self.record.i)
+        error = to_pairs(away)[None]
         white = self.shared.whitened(error)[0][self.shared.kept]
         return (white / self.sigma).ravel()
 
@@ -83,7 +84,7 @@ def seen(record: EventRecord, f0_hz: float) -> SeenRecord:
     return SeenRecord(
         record=record,
         time=before.time[places],
-        v=(before.v @ np.array([1.0, 1.0j]))[places],
+        v=to_complex(before.v)[places],
         told=told[places],
         shared=correlated(record.time, window, kept),
         sigma=max(sigma, LEAST),

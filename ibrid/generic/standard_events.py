@@ -13,6 +13,7 @@ import numpy as np
 
 from ibrid.errors import IbridError
 from ibrid.measurement.estimators.window import window_of
+from ibrid.measurement.recordings.dq_pairs import to_pairs
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.playback.compare import EventModel, play
@@ -112,7 +113,7 @@ def _at_rest(name: str, op: OperatingPoint, event: Event, length: float) -> Even
     v = event.voltage(time, op.v)
     current = np.tile([op.p / op.v, -op.q / op.v], (len(time), 1))
     rest = replace(op, name=name)
-    voltage = np.stack([np.real(v), np.imag(v)], axis=1)
+    voltage = to_pairs(v)
     rest_end = float(time[np.searchsorted(time, event.at) - 1])
     return EventRecord(rest, time, voltage, current, rest_end, told=event.told(time, op))
 

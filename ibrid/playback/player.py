@@ -13,9 +13,9 @@ import numpy as np
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from ibrid.assembly.averaged import equations
-from ibrid.assembly.numbers import Scalar
+from ibrid.assembly.numbers import Scalar, is_zero
 from ibrid.assembly.rest import NO_REST, Rest, rest
-from ibrid.assembly.set_points import SET_POINTS, is_zero, set_point_gains
+from ibrid.assembly.set_points import SET_POINTS, set_point_gains
 from ibrid.errors import IbridError
 from ibrid.measurement.recordings.events import EventRecord
 from ibrid.modules.large_signal import square_root

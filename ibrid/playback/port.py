@@ -20,6 +20,7 @@ from ibrid.assembly.rest import Rest
 from ibrid.assembly.signals_at_rest import to_frame
 from ibrid.assembly.terminals import Parameters, inwards, resistance_of
 from ibrid.errors import IbridError
+from ibrid.measurement.recordings.dq_pairs import to_complex, to_pairs
 from ibrid.structure.network.outside import ELEMENTS, PORT, Outside
 
 #: Element number, its kind and the names of its numbers.
@@ -134,8 +135,8 @@ def drawn_at_pcc(
     exact whatever R is.
     """
     whole = np.zeros(len(voltage.x), dtype=complex)
-    v, slope, curve = (voltage(voltage.x, order) @ [1, 1j] for order in range(3))
-    third = 6 * voltage.c[0] @ [1, 1j]
+    v, slope, curve = (to_complex(voltage(voltage.x, order)) for order in range(3))
+    third = to_complex(6 * voltage.c[0])
     for k, _, _ in elements_of(outside)[0]:
         values = _numbers(port, k)
         a = omega_0 / (values["R"] * values["C"])
@@ -146,7 +147,7 @@ def drawn_at_pcc(
         for n in range(len(decay)):
             v_c[n + 1] = end[n] + (v_c[n] - begin[n]) * decay[n]
         whole += (v - v_c) / values["R"]
-    return np.stack([np.real(whole), np.imag(whole)], axis=1)
+    return to_pairs(whole)
 
 
 def solved(residual: ca.SX, unknown: ca.SX, start: Any = None) -> ca.SX:

@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 
 from ibrid.assembly.set_points import SET_POINTS
 from ibrid.errors import IbridError, near
+from ibrid.measurement.recordings.dq_pairs import to_pairs
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.reference import ReferenceInverter
@@ -223,7 +224,7 @@ def _answer(
     told: Mapping[str, np.ndarray],
 ) -> EventRecord:
     dynamics, rest = plant.dynamics, plant.at_rest(op)
-    voltage = np.stack([np.real(v), np.imag(v)], axis=1)
+    voltage = to_pairs(v)
     moved = _moved_set_points(plant, op, rest.r, time, told)
     symbols = [
         ca.SX.sym("x", len(rest.x)),

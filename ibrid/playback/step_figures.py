@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.measurement.recordings.dq_pairs import to_complex
 from ibrid.playback.compare import PlayedRecord
 
 #: Parts of the change from and to which a rise counts; band of settling; part of what follows that
@@ -50,7 +51,7 @@ def step_figures(played: PlayedRecord) -> dict[str, Any] | None:
     kept, begin = ~record.masked, float(record.time[np.argmax(moved)])
     sides = {}
     for side, current in (("measured", record.i), ("model", played.current)):
-        power = (record.v @ np.array([1.0, 1.0j])) * np.conj(current @ np.array([1.0, 1.0j]))
+        power = to_complex(record.v) * np.conj(to_complex(current))
         value = np.real(power) if name == "p_ref" else np.imag(power)
         figures = figures_of(record.time[kept], value[kept], begin)
         if figures is None:

@@ -16,6 +16,7 @@ from ibrid.analysis.several_devices.freed_fits import EventFits
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.recordings.event_noise import EventNoise, estimate_event_noise
+from ibrid.measurement.recordings.dq_pairs import to_pairs
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.playback.recording import AFTER, LENGTH, RATE, Event, event_of
@@ -50,7 +51,7 @@ def event_answers(
     (event, length), linear = event_to_rank(text), structures[0][1]
     time = np.arange(round(length * RATE) + 1) / RATE
     shape = event.voltage(time, linear.v0[0])
-    v, i = np.stack([np.real(shape), np.imag(shape)], axis=1), np.tile(linear.i0, (len(time), 1))
+    v, i = to_pairs(shape), np.tile(linear.i0, (len(time), 1))
     rest = OperatingPoint(text, linear.p_pcc, linear.q_pcc, linear.v0[0])
     told = event.told(time, rest)
     asked = EventRecord(

@@ -17,6 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ibrid.measurement.recordings.between_samples import standing
+from ibrid.measurement.recordings.dq_pairs import to_complex, to_pairs
 from ibrid.measurement.recordings.event_rest import waves_at_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
@@ -80,7 +81,7 @@ def simulate_errors(
     exact = residual_of(record) if any(matters) else np.zeros_like(record.i)
     columns = []
     for error, is_simulated in zip(errors, matters, strict=True):
-        change = -_to_pairs(error.i)
+        change = -to_pairs(error.i)
         if is_simulated:
             simulated = residual_of(_add_error(record, error)) - exact
             change = simulated if np.isfinite(simulated).all() else change
@@ -90,8 +91,8 @@ def simulate_errors(
 
 def list_channel_errors(record: EventRecord, events: Events) -> Iterator[SystematicError]:
     """Yield the errors by offset and gain of the channels, with the magnitudes of all records."""
-    v = _to_complex(record.v)
-    i = _to_complex(record.i)
+    v = to_complex(record.v)
+    i = to_complex(record.i)
     zero = np.zeros(len(v), dtype=complex)
     i_rest = complex(*record.i_rest)
     v_offset, v_gain = _estimate_channel_errors(events, "v")
@@ -113,7 +114,7 @@ def _estimate_channel_errors(events: Events, name: str) -> tuple[float, float]:
     """
     magnitudes = np.array(
         [
-            waves_at_rest(record, _to_complex(getattr(record, name)), events.f0_hz)
+            waves_at_rest(record, to_complex(getattr(record, name)), events.f0_hz)
             for record in events.records
         ]
     )
@@ -150,17 +151,7 @@ def _add_error(record: EventRecord, error: SystematicError) -> EventRecord:
     i_rest = complex(*record.i_rest) + error.i_rest
     rotation = np.conj(v_rest) / abs(v_rest)
     power = v_rest * np.conj(i_rest)
-    v = rotation * (_to_complex(record.v) + error.v)
-    i = rotation * (_to_complex(record.i) + error.i)
+    v = rotation * (to_complex(record.v) + error.v)
+    i = rotation * (to_complex(record.i) + error.i)
     rest = OperatingPoint(record.name, float(power.real), float(power.imag), float(abs(v_rest)))
-    return replace(record, rest=rest, v=_to_pairs(v), i=_to_pairs(i))
-
-
-def _to_complex(pairs: np.ndarray) -> np.ndarray:
-    """Return d + j q (N,) of dq pairs (N, 2)."""
-    return pairs @ np.array([1.0, 1.0j])
-
-
-def _to_pairs(wave: np.ndarray) -> np.ndarray:
-    """Return dq pairs (N, 2) of d + j q (N,)."""
-    return np.stack([np.real(wave), np.imag(wave)], axis=1)
+    return replace(record, rest=rest, v=to_pairs(v), i=to_pairs(i))

@@ -9,6 +9,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.estimators.correlation import noise_of_frames
 from ibrid.measurement.estimators.window import Window
+from ibrid.measurement.recordings.dq_pairs import to_complex, to_pairs
 from ibrid.measurement.recordings.events import LEAST_STEP, EventRecord
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 
@@ -58,7 +59,7 @@ def current_sequences(record: EventRecord, f0_hz: float) -> tuple[float, float]:
     latter 0 for few samples.
     """
     inside = record.time <= record.rest_end
-    found = np.abs(_constants(record.time[inside], record.i[inside] @ np.array([1, 1j]), f0_hz))
+    found = np.abs(_constants(record.time[inside], to_complex(record.i[inside]), f0_hz))
     return float(found[0]), float(found[-1]) if len(found) > 1 else 0.0
 
 
@@ -141,7 +142,7 @@ def record_from_rest(
     turn = np.conj(rest) / abs(rest)
     power = rest * np.conj(current)
     aligned = (one * turn for one in turned)
-    v, i = (np.stack([one.real, one.imag], axis=-1) for one in aligned)
+    v, i = (to_pairs(one) for one in aligned)
     return EventRecord(
         rest=OperatingPoint(name, float(power.real), float(power.imag), float(abs(rest))),
         time=time,

@@ -16,6 +16,7 @@ from ibrid.measurement.conventions.possible_values import (
 )
 from ibrid.measurement.estimators.rebuilt import found_window
 from ibrid.measurement.estimators.window import window_of
+from ibrid.measurement.recordings.dq_pairs import to_complex
 from ibrid.measurement.recordings.event_rest import CYCLES, record_from_rest
 from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.recordings.phasors import FORMS
@@ -289,9 +290,7 @@ def seen_through(record: EventRecord) -> EventRecord:
         return record
     said = []
     if not record.window.known:
-        window, length = found_window(
-            record.time, record.v @ np.array([1.0, 1.0j]), record.voltage_noise
-        )
+        window, length = found_window(record.time, to_complex(record.v), record.voltage_noise)
         record = replace(record, window=window)
         shown = f"the jump of the voltage is that of one of {length * 1e3:.3g} ms"
         said.append(

@@ -22,6 +22,7 @@ from ibrid.frozen import Frozen
 from ibrid.measurement.estimators.correlation import noise_of_frames
 from ibrid.measurement.estimators.rebuilt import Rebuilt, rebuilt
 from ibrid.measurement.estimators.window import Window
+from ibrid.measurement.recordings.dq_pairs import to_complex, to_pairs
 from ibrid.measurement.recordings.resampling import every_kth
 from ibrid.measurement.recordings.voltage_noise import noise_and_waves, smoothed
 from ibrid.measurement.sweeps.masked import require_unmasked
@@ -183,7 +184,7 @@ class EventRecord(Frozen):
     @cached_property
     def rebuilt(self) -> Rebuilt:
         """The voltage that went into the estimator."""
-        wave, window = self.v @ np.array([1.0, 1.0j]), self.window or NO_WINDOW
+        wave, window = to_complex(self.v), self.window or NO_WINDOW
         return rebuilt(self.time, wave, window, self.voltage_noise, self.f0_hz)
 
     @cached_property
@@ -193,7 +194,7 @@ class EventRecord(Frozen):
         """
         seen = self.rebuilt
         v, i = (
-            np.stack([np.real(seen.v), np.imag(seen.v)], axis=1),
+            to_pairs(seen.v),
             CubicSpline(self.time, self.i)(seen.time),
         )
         told = {name: np.interp(seen.time, self.time, value) for name, value in self.told.items()}

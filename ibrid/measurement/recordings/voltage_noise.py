@@ -12,6 +12,8 @@ in it is left out, so that steps and swings stay.
 import numpy as np
 from scipy.ndimage import convolve1d
 
+from ibrid.measurement.recordings.dq_pairs import to_complex, to_pairs
+
 #: Standard deviations from which on a wave or a change is no noise.
 KEPT = 4.0
 #: Scales at most, of 1, 2, 4, .. samples; and waves at most, of so many times f0.
@@ -31,7 +33,7 @@ def noise_and_waves(
     if count < ENOUGH or not f0_hz:
         return 0.0, np.zeros_like(v)
     most = min(WAVES, int(0.5 / f0_hz / np.median(np.diff(time[rest])) - 1e-6))
-    speeds, seen = 2j * np.pi * f0_hz * np.arange(-most, most + 1), v[rest] @ np.array([1.0, 1.0j])
+    speeds, seen = 2j * np.pi * f0_hz * np.arange(-most, most + 1), to_complex(v[rest])
     at_rest = np.exp(np.multiply.outer(time[rest], speeds))
     sizes = np.linalg.lstsq(at_rest, seen, rcond=None)[0]
     left = np.diff(seen - at_rest @ sizes, n=3)
@@ -39,7 +41,7 @@ def noise_and_waves(
     noise = float(np.median(np.abs(left)) / np.sqrt(2 * np.log(2) * 20 * freedom))
     told = np.abs(sizes) > KEPT * noise * np.sqrt(2 / count)
     waves = np.exp(np.multiply.outer(time, speeds[told])) @ sizes[told]
-    return noise, np.stack([np.real(waves), np.imag(waves)], axis=1)
+    return noise, to_pairs(waves)
 
 
 def smoothed(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: float) -> np.ndarray:

@@ -16,7 +16,6 @@ import numpy as np
 
 from ibrid.analysis.models.parametric import ParametricModel, uncertainty
 from ibrid.evaluation.record import Record
-from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 #: Devices whose answers all begin without a prior.
 FIRST = 8
@@ -141,8 +140,7 @@ def joined(record: Record, family: DeviceFamily) -> dict[str, list[float]]:
     record itself stays what the data alone say, and the fleet learns from that.
     """
     name = next(iter(record.parameters))
-    numbers = record.settings["operating_points"][name]
-    model = ParametricModel(record, OperatingPoint(name, *(float(numbers[key]) for key in "pqv")))
+    model = ParametricModel(record, record.point(name))
     sure = uncertainty(record, model)
     if sure is None or not sure.names:
         return {}
