@@ -16,6 +16,9 @@ from ibrid.foreign_text import show_controls, show_controls_within, show_surroga
 from ibrid.interrupts import heed_interrupt
 from ibrid.own_files import note_written, open_number, require_own
 
+#: Names and values in the types of JSON.
+PlainData = dict[str, Any]
+
 
 def plain(value: Any) -> Any:
     """The same in the types of JSON: arrays as lists, keys as text, None for a number that is not

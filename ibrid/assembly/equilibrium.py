@@ -20,6 +20,7 @@ from ibrid.assembly.signals_at_rest import (
     signals_at_rest,
     to_frame,
 )
+from ibrid.assembly.terminals import Point
 from ibrid.errors import DiagramError
 from ibrid.modules.behaviour import Element
 from ibrid.structure.reading.wiring import PLANT, Wiring, channels_of
@@ -28,7 +29,7 @@ from ibrid.structure.reading.wiring import PLANT, Wiring, channels_of
 def equilibria(
     wiring: Wiring,
     parameters: Parameters,
-    point: tuple[Any, Any, Any],
+    point: Point,
     power_node: str,
     omega_0: float,
     deviation: Any = 0.0,
@@ -89,7 +90,7 @@ def equilibria(
 def device_equilibria(
     devices: Sequence[Wiring],
     parameters: Parameters,
-    point: tuple[Any, Any, Any],
+    point: Point,
     power_node: str,
     omega_0: float,
 ) -> dict[str, tuple[Frame, dict[str, Pair]]]:
@@ -106,14 +107,14 @@ def device_equilibria(
 
 
 def device_points(
-    devices: Sequence[Wiring], parameters: Parameters, point: tuple[Any, Any, Any]
-) -> list[tuple[Wiring, tuple[Any, Any, Any]]]:
+    devices: Sequence[Wiring], parameters: Parameters, point: Point
+) -> list[tuple[Wiring, Point]]:
     """The devices of a diagram, each with its own (p, q, v): what its `Share` says of p and q, or
     what is left.
     """
     p, q, v = point
     left = [p, q]
-    points: dict[str, tuple[Any, Any, Any]] = {}
+    points: dict[str, Point] = {}
     for device in devices:
         for name in device.having(Element.SHARE):
             own = parameters[name]["share_p"] * p, parameters[name]["share_q"] * q

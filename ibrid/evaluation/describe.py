@@ -27,6 +27,7 @@ from ibrid.structure.diagrams.program import program_text
 from ibrid.structure.reading.parameters import ParameterTable, parameters_at
 from ibrid.structure.reading.wiring import Wiring
 from ibrid.study import Study
+from ibrid.writing import PlainData
 
 #: A pole with a real part below this (rad/s) counts as stable; above zero only to forgive rounding.
 STABLE_BELOW = 1e-6
@@ -77,7 +78,7 @@ def unfitted(diagram: Diagram, study: Study, effort: FitSettings) -> Record:
     )
 
 
-def _settings(study: Study, fit: FitSettings) -> dict[str, Any]:
+def _settings(study: Study, fit: FitSettings) -> PlainData:
     """How a record was made, as its JSON says: `fit` is the effort, from `Study.effort`."""
     points, sweep = study.sweep.points, study.sweep
     known = sweep.s_base_va is not None and sweep.v_base_v is not None
@@ -364,7 +365,7 @@ class _Description:
             return ()
         return tuple(f"of the data: {sentence}" for sentence in self.study.doubts)
 
-    def _starts(self) -> dict[str, Any]:
+    def _starts(self) -> PlainData:
         solutions = [one.solution for one in self.fitted]
         return {
             "independent": sum(one.independent for one in solutions),
@@ -374,7 +375,7 @@ class _Description:
             "ipopt": [one.ipopt_status for one in solutions],
         }
 
-    def _covariance(self) -> dict[str, Any]:
+    def _covariance(self) -> PlainData:
         if len(self.fitted) != 1:
             return {}
         return {

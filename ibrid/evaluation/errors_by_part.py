@@ -9,6 +9,9 @@ import numpy as np
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep
 
+#: By the name of a part; None where there are no data of it.
+Errors = dict[str, float | None]
+
 
 @dataclass(frozen=True)
 class ErrorParts:
@@ -18,10 +21,10 @@ class ErrorParts:
     """
 
     by_op: dict[str, float]
-    by_band: dict[str, float | None]
-    by_entry: dict[str, float | None]
-    share_by_band: dict[str, float | None]
-    table: dict[str, dict[str, dict[str, float | None]]]
+    by_band: Errors
+    by_entry: Errors
+    share_by_band: Errors
+    table: dict[str, dict[str, Errors]]
 
 
 def nrmse(model: np.ndarray, point: PointSweep) -> float:
@@ -34,7 +37,7 @@ def error_parts(responses: list[np.ndarray], points: tuple[PointSweep, ...]) -> 
     by_band: dict[str, list[float | None]] = {name: [] for name in BAND_NAMES}
     by_entry: dict[str, list[float | None]] = {name: [] for name in ENTRIES}
     shares: dict[str, list[float | None]] = {name: [] for name in BAND_NAMES}
-    table: dict[str, dict[str, dict[str, float | None]]] = {}
+    table: dict[str, dict[str, Errors]] = {}
     for response, point in zip(responses, points, strict=True):
         squared = np.abs(response - point.admittance) ** 2
         norm = np.abs(point.admittance) ** 2

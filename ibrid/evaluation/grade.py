@@ -19,6 +19,7 @@ from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.measurement.sweeps.noise import estimate_point
 from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep, measured_numbers
+from ibrid.writing import PlainData
 
 #: Multiple of the noise up to which what is left over is close.
 CLOSE = 2.0
@@ -43,7 +44,7 @@ class Grade(StrEnum):
 
 def misfit_of(
     responses: Sequence[np.ndarray], points: Sequence[PointSweep], free: int
-) -> dict[str, Any]:
+) -> PlainData:
     """The record's `misfit`: chi2 per degree of freedom, the noise floor as an NRMSE and where it
     is from, and the parts by operating point, entry and band that stand out of the noise, the worst
     first.
@@ -54,7 +55,7 @@ def misfit_of(
     numbers = measured_numbers(points)
     dof = numbers - free
     judged, source = judged_points(points)
-    parts: list[dict[str, Any]] = []
+    parts: list[PlainData] = []
     chi2 = 0.0
     for response, point in zip(responses, judged, strict=True):
         square = np.abs((response - point.admittance) / point.sigma) ** 2

@@ -23,6 +23,9 @@ from ibrid.plants.hybrid import HybridParameters, hybrid_dynamics
 from ibrid.plants.parallel import ParallelParameters, parallel_dynamics
 from ibrid.plants.true_program import true_program, true_values
 
+#: Values of a diagram by name, from the parameters of an inverter and omega_0.
+OfParameters = Callable[[Any, float], dict[str, float]]
+
 
 @dataclass(frozen=True)
 class InverterFamily:
@@ -40,7 +43,7 @@ class InverterFamily:
 
     dynamics: Callable[[Any, float], Dynamics]
     program: Callable[[Any], str]
-    values: Callable[[Any, float], dict[str, float]]
+    values: OfParameters
     rest: Callable[[Any, OperatingPoint], Mapping[str, float]]
     fields: Mapping[str, str]
     words: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
@@ -116,9 +119,7 @@ def _both(m: ParallelParameters, op: OperatingPoint) -> Mapping[str, float]:
     return found | {f"forming.{name}": value for name, value in _forming(m.forming, rest).items()}
 
 
-def _values(
-    fields: Mapping[str, str], others: Callable[[Any, float], dict[str, float]]
-) -> Callable[[Any, float], dict[str, float]]:
+def _values(fields: Mapping[str, str], others: OfParameters) -> OfParameters:
     """Values of a textbook diagram: fields as they are, and what follows from them."""
     return lambda m, omega_0: (
         {name: getattr(m, field) for name, field in fields.items()} | others(m, omega_0)
@@ -165,7 +166,7 @@ def _of_both(m: ParallelParameters, omega_0: float) -> dict[str, float]:
 def _textbook(
     name: str,
     fields: Mapping[str, str],
-    others: Callable[[Any, float], dict[str, float]],
+    others: OfParameters,
     dynamics: Callable[[Any, float], Dynamics] = gfm_dynamics,
     **differing: Any,
 ) -> InverterFamily:

@@ -14,7 +14,6 @@ it.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy.interpolate import PchipInterpolator
@@ -24,6 +23,7 @@ from ibrid.measurement.recordings.event_rest import noise_at_rest
 from ibrid.measurement.recordings.event_windows import returns_at
 from ibrid.measurement.recordings.events import EventRecord
 from ibrid.playback.compare import Playback, PlayedRecord
+from ibrid.writing import PlainData
 
 STANDARD = "iec-61400-27-2"
 SIGNALS = ("p", "q", "ip", "iq")
@@ -62,12 +62,12 @@ class Compared:
     model: np.ndarray
 
 
-def validation(playback: Playback) -> dict[str, Any]:
+def validation(playback: Playback) -> PlainData:
     """For `playback.json` and the records of fits: that of all records of a playback."""
     return validation_of(playback.records)
 
 
-def validation_of(records: Sequence[PlayedRecord]) -> dict[str, Any]:
+def validation_of(records: Sequence[PlayedRecord]) -> PlainData:
     """Windows of every record with the measures of each signal, their limits and whether they pass;
     `unfiltered` : the same measures of what is compared without the filter. Records whose
     simulation left have none.
@@ -104,7 +104,7 @@ def measures(error: np.ndarray) -> dict[str, float]:
     }
 
 
-def _windows(played: PlayedRecord) -> Iterator[dict[str, Any]]:
+def _windows(played: PlayedRecord) -> Iterator[PlainData]:
     record = played.record
     windows = windows_of_standard(record, record.f0_hz)
     if not windows:

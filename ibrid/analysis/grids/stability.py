@@ -31,7 +31,7 @@ from ibrid.measurement.sweeps.noise import PointNoise
 from ibrid.measurement.sweeps.quantities import hertz, span
 from ibrid.measurement.sweeps.sweep import PointSweep
 from ibrid.showing import brief, made_above, shown
-from ibrid.writing import write_json
+from ibrid.writing import PlainData, write_json
 
 SCHEMA = "ibrid.stability/1"
 #: Short-circuit ratios where nobody says any: very weak to strong.
@@ -66,7 +66,7 @@ class PointStability(Frozen):
         """Name of the operating point."""
         return self.model.op
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         model = self.model
         return {
@@ -103,7 +103,7 @@ class Stability:
         """What it says, one sentence for each operating point."""
         return tuple(sentence(one.op, one.cases, one.critical) for one in self.points)
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """The JSON, schema "ibrid.stability/1"."""
         return {
             "schema": SCHEMA,

@@ -18,7 +18,6 @@ it.
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from scipy.special import chdtri
@@ -33,6 +32,7 @@ from ibrid.gap.workflow import find_gap
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.structure.network.outside import PORT
+from ibrid.writing import PlainData
 
 #: Probability that an unchanged device is said to have changed.
 FALSE_ALARM = 0.01
@@ -60,7 +60,7 @@ class Change:
     z: float | None
     alike: tuple[str, ...] = ()
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         interval = None if self.interval is None else list(self.interval)
         return {**vars(self), "interval": interval, "alike": list(self.alike)}
@@ -82,7 +82,7 @@ class Drift:
     gap: Gap | None = None
     device: str | None = None
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         return {
             "schema": "ibrid.drift/1",

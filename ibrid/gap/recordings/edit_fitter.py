@@ -13,7 +13,7 @@ from ibrid.gap.recordings.event_fitter import EventFit, EventFitter, select_even
 from ibrid.gap.recordings.event_misfit import EventDescent
 from ibrid.gap.recordings.settings import SCREENING
 from ibrid.gap.recordings.successive_halving import Entrant, rank_entrants, run_rungs
-from ibrid.gap.recordings.trial_context import EditKey, TrialContext, TrialMemory, edit_key
+from ibrid.gap.recordings.trial_context import EditKey, TrialContext, TrialMemory, Trials, edit_key
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.parts.catalogue import insertions
 from ibrid.parts.editing.practice import Insertion
@@ -38,7 +38,7 @@ class EditFitter:
         self._memory = TrialMemory()
         self._single_event_fitters: dict[str, EventFitter] = {}
 
-    def fit_all(self, model: Model) -> dict[EditKey, Model]:
+    def fit_all(self, model: Model) -> Trials:
         """Return the model with every edit of its program: the survivors of the halving fitted,
         the others as screening leaves them.
 
@@ -68,7 +68,7 @@ class EditFitter:
         return self._memory.store(model, trials)
 
     def _fit_survivors(
-        self, model: Model, survivors: Sequence[EditEntrant], trials: dict[EditKey, Model]
+        self, model: Model, survivors: Sequence[EditEntrant], trials: Trials
     ) -> None:
         """Fit the survivors in their order and store those that improve on the trials.
 

@@ -8,7 +8,7 @@ from ibrid.gap.recordings.event_fitter import EventFitter
 from ibrid.gap.recordings.limit_candidates import refit_by_predictions, screen_limits
 from ibrid.gap.recordings.limit_edits import LimitEdit
 from ibrid.gap.recordings.settings import SCREENING
-from ibrid.gap.recordings.trial_context import EditKey, TrialContext, TrialMemory, edit_key
+from ibrid.gap.recordings.trial_context import EditKey, TrialContext, TrialMemory, Trials, edit_key
 from ibrid.gap.refitting.model import Model, Values
 from ibrid.playback.limits import Limit
 
@@ -29,7 +29,7 @@ class LimitFitter:
         self.loose = loose
         self._memory = TrialMemory()
 
-    def fit_all(self, model: Model) -> dict[EditKey, Model]:
+    def fit_all(self, model: Model) -> Trials:
         """Fit a model with each edit of its limits; by successive halving where it is doubtful."""
         known = self._memory.get(model)
         if known is not None:
@@ -47,7 +47,7 @@ class LimitFitter:
 
     def screen_from(
         self, model: Model, origins: list[Values], *, predict_first: bool = True
-    ) -> dict[EditKey, Model]:
+    ) -> Trials:
         """Screen all edits of the limits, from values of the rest of the model."""
         context = self.context
 
@@ -74,7 +74,7 @@ class LimitFitter:
             sweep_values = sweep_fit.values
         return [sweep_values, model.refit.values, self.context.predicted_values(model)]
 
-    def _refit_leading(self, model: Model, trials: dict[EditKey, Model]) -> dict[EditKey, Model]:
+    def _refit_leading(self, model: Model, trials: Trials) -> Trials:
         """Refit by predictions the best trial of each kind of limit among the leading ones.
 
         Those that are near the best of all and take much of what the model leaves; none where the
@@ -91,7 +91,7 @@ class LimitFitter:
         if not leading or self.context.explains(model, leading[0][1]):
             return {}
         fitter = self.context.fitter
-        refitted: dict[EditKey, Model] = {}
+        refitted: Trials = {}
         for key, trial in leading:
             refit = refit_by_predictions(trial.refit, fitter, self.loose, model.refit.values)
             refitted[key] = replace(trial, refit=refit)

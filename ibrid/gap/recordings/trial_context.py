@@ -28,6 +28,8 @@ SWEEP_DRAWS = 16
 
 #: Effect, change and location of an edit, which identify it.
 EditKey = tuple[str, str, str]
+#: Models by their last edit.
+Trials = dict[EditKey, Model]
 
 
 class TrialContext:
@@ -153,19 +155,19 @@ class TrialMemory:
     """
 
     def __init__(self) -> None:
-        self._by_fit: dict[FitResult, dict[EditKey, Model]] = {}
-        self._by_edits: dict[tuple[EditKey, ...], dict[EditKey, Model]] = {}
+        self._by_fit: dict[FitResult, Trials] = {}
+        self._by_edits: dict[tuple[EditKey, ...], Trials] = {}
 
-    def get(self, model: Model) -> dict[EditKey, Model] | None:
+    def get(self, model: Model) -> Trials | None:
         """Return the trials of a model; None where there are none."""
         trials = self._by_fit.get(model.refit)
         return self.get_same_edits(model) if trials is None and model.is_adequate() else trials
 
-    def get_same_edits(self, model: Model) -> dict[EditKey, Model] | None:
+    def get_same_edits(self, model: Model) -> Trials | None:
         """Return the last trials of a model with the same edits."""
         return self._by_edits.get(_list_edit_keys(model))
 
-    def store(self, model: Model, trials: dict[EditKey, Model]) -> dict[EditKey, Model]:
+    def store(self, model: Model, trials: Trials) -> Trials:
         """Store the trials of a model and return them."""
         self._by_fit[model.refit] = trials
         self._by_edits[_list_edit_keys(model)] = trials

@@ -1,14 +1,13 @@
 """The files of a `Gap`: gap.json, the repaired program, its diff, and its record."""
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from ibrid.gap.results.gap import SCHEMA, Gap
 from ibrid.own_files import remove_own, writing_as
 from ibrid.structure.comparison.compare import unified
-from ibrid.writing import inside, json_lines, plain, write_json, write_whole
+from ibrid.writing import PlainData, inside, json_lines, plain, write_json, write_whole
 
 GAP = "gap.json"
 PROGRAM = "model.py"
@@ -19,7 +18,7 @@ DIFF = "model.diff"
 FILES = (PAGE, PROGRAM, DIFF, RECORD, GAP)
 
 
-def gap_json(gap: Gap) -> dict[str, Any]:
+def gap_json(gap: Gap) -> PlainData:
     """Return the contents of gap.json; numbers that are not finite become null."""
     return plain(
         {
@@ -85,7 +84,7 @@ def write_partial(gap: Gap, folder: str | Path) -> None:
     write_json(inside(Path(folder), GAP), gap_json(gap))
 
 
-def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
+def _missing_transfer(gap: Gap) -> list[PlainData]:
     """Return the transfer function at the port where something is missing, by frequency.
 
     One for all operating points; [] where there is none.
@@ -104,7 +103,7 @@ def _missing_transfer(gap: Gap) -> list[dict[str, Any]]:
     ]
 
 
-def _amplitudes(gap: Gap) -> dict[str, Any]:
+def _amplitudes(gap: Gap) -> PlainData:
     """Return the keys for several injection amplitudes; {} with one amplitude."""
     if gap.amplitude is None:
         return {}

@@ -32,12 +32,16 @@ class NodeShape:
     labelled: bool = False
 
 
+#: Of the blocks, by name.
+Shapes = Mapping[str, NodeShape]
+
+
 @dataclass(frozen=True)
 class Placement:
     """Column and top (drawing units, downwards) of every node, with its shape."""
 
     graph: BlockGraph
-    shapes: Mapping[str, NodeShape]
+    shapes: Shapes
     column: Mapping[str, int]
     top: Mapping[str, float]
 
@@ -146,7 +150,7 @@ def _forward_flow(graph: BlockGraph) -> nx.DiGraph:
 
 def _heights(
     order: Sequence[str],
-    shapes: Mapping[str, NodeShape],
+    shapes: Shapes,
     column: Mapping[str, int],
     forward: Sequence[tuple[Pin, Pin]],
 ) -> dict[str, float]:
@@ -173,7 +177,7 @@ def _heights(
 class _Wishes:
     """Tops at which a node's lines would be straight."""
 
-    def __init__(self, shapes: Mapping[str, NodeShape], forward: Sequence[tuple[Pin, Pin]]) -> None:
+    def __init__(self, shapes: Shapes, forward: Sequence[tuple[Pin, Pin]]) -> None:
         self.after: dict[str, list[tuple[str, float]]] = {name: [] for name in shapes}
         self.before: dict[str, list[tuple[str, float]]] = {name: [] for name in shapes}
         for source, target in forward:
@@ -194,7 +198,7 @@ class _Wishes:
 def _separate(
     layer: Sequence[str],
     wanted: Mapping[str, float],
-    shapes: Mapping[str, NodeShape],
+    shapes: Shapes,
     top: dict[str, float],
 ) -> None:
     """Least-squares heights in the given order, at least GAP apart (pool adjacent violators)."""
@@ -217,7 +221,7 @@ def _straighten(
     layer: Sequence[str],
     direction: int,
     wishes: _Wishes,
-    shapes: Mapping[str, NodeShape],
+    shapes: Shapes,
     top: dict[str, float],
 ) -> None:
     """Move each node, as far as its neighbours in the column allow, to where its first line

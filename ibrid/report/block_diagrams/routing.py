@@ -15,6 +15,11 @@ from ibrid.report.block_diagrams.layering import Placement
 CLEARANCE, PIN_CLEARANCE, TRACK = 9.0, 6.0, 10.0
 
 
+#: Column -> (height, net) that run through it; and heights of inputs.
+Passes = dict[int, list[tuple[float, int]]]
+Heights = dict[Pin, float]
+
+
 @dataclass
 class Crossbar:
     """What a net does between two columns: heights at which it touches the left and the right
@@ -47,8 +52,8 @@ class Routes:
     `channels` : per channel, left of column c at index c, its crossbars.
     """
 
-    pins: dict[Pin, float]
-    passes: dict[int, list[tuple[float, int]]]
+    pins: Heights
+    passes: Passes
     channels: list[list[Crossbar]]
 
     def tracks(self, channel: int) -> int:
@@ -76,7 +81,7 @@ def route(placement: Placement) -> Routes:
     """Heights and tracks of all nets."""
     nets = placement.graph.nets
     pins = _shifted_inputs(placement, nets)
-    passes: dict[int, list[tuple[float, int]]] = {column: [] for column in range(placement.columns)}
+    passes: Passes = {column: [] for column in range(placement.columns)}
     channels: list[list[Crossbar]] = [[] for _ in range(placement.columns + 1)]
     bars = [_direct(placement, net, index, pins) for index, net in enumerate(nets)]
     trunks = [trunk for index, net in enumerate(nets) for trunk in _trunks(placement, net, index)]
@@ -94,15 +99,15 @@ def route(placement: Placement) -> Routes:
     return Routes(pins, passes, [_tracked(one) for one in channels])
 
 
-def _shifted_inputs(placement: Placement, nets: Sequence[Net]) -> dict[Pin, float]:
+def _shifted_inputs(placement: Placement, nets: Sequence[Net]) -> Heights:
     """Heights of the driven inputs, moved a little where another net leaves the column before at
     the same height.
     """
-    outputs: dict[int, list[tuple[float, int]]] = {}
+    outputs: Passes = {}
     for index, net in enumerate(nets):
         column = placement.column[net.source[0]]
         outputs.setdefault(column, []).append((placement.height_of(net.source, "outputs"), index))
-    pins: dict[Pin, float] = {}
+    pins: Heights = {}
     for index, net in enumerate(nets):
         for pin in net.targets:
             height = placement.height_of(pin, "inputs")
@@ -119,9 +124,7 @@ def _shifted_inputs(placement: Placement, nets: Sequence[Net]) -> dict[Pin, floa
     return pins
 
 
-def _direct(
-    placement: Placement, net: Net, index: int, pins: dict[Pin, float]
-) -> dict[int, Crossbar]:
+def _direct(placement: Placement, net: Net, index: int, pins: Heights) -> dict[int, Crossbar]:
     """The crossbar behind the source, with the targets in the next column."""
     column = placement.column[net.source[0]]
     bar = Crossbar(index, left={placement.height_of(net.source, "outputs")})
@@ -144,8 +147,8 @@ def _trunks(placement: Placement, net: Net, index: int) -> Iterator[tuple[int, r
 
 def _free_height(
     placement: Placement,
-    pins: dict[Pin, float],
-    passes: dict[int, list[tuple[float, int]]],
+    pins: Heights,
+    passes: Passes,
     net: int,
     columns: range,
     source: float,
@@ -184,7 +187,7 @@ def _join(
     columns: range,
     targets: Sequence[Pin],
     height: float,
-    pins: dict[Pin, float],
+    pins: Heights,
 ) -> None:
     """Add a trunk through `columns` to the crossbars of its net."""
     index = next(iter(bars.values())).net

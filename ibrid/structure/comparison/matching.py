@@ -104,6 +104,7 @@ MOST_PAIRINGS = 800
 MOST_LINKS = 150_000
 ROUNDS = 8
 
+Classes = list[tuple[list[int], list[int]]]  # blocks of one kind, of both drawings
 Pairing = dict[int, int]  # block of the first -> block of the second
 
 
@@ -139,7 +140,7 @@ def best_matching(first: Simplified, second: Simplified) -> Matching:
     return Matching(tuple(own), scorer.links(pairing))
 
 
-def _classes(first: Simplified, second: Simplified) -> list[tuple[list[int], list[int]]]:
+def _classes(first: Simplified, second: Simplified) -> Classes:
     kinds = sorted(
         {block.kind for block in first.blocks.values()}
         & {block.kind for block in second.blocks.values()}
@@ -153,7 +154,7 @@ def _classes(first: Simplified, second: Simplified) -> list[tuple[list[int], lis
     ]
 
 
-def _all_pairings(classes: list[tuple[list[int], list[int]]]) -> Iterator[Pairing]:
+def _all_pairings(classes: Classes) -> Iterator[Pairing]:
     """Every way to give each block of the smaller group a partner of its own, class by class."""
     if not classes:
         yield {}
@@ -212,9 +213,7 @@ def _sign_equations(key: Key, weight: np.ndarray, other: np.ndarray) -> list[Equ
     ]
 
 
-def _assigned(
-    first: Simplified, second: Simplified, classes: list[tuple[list[int], list[int]]]
-) -> Pairing:
+def _assigned(first: Simplified, second: Simplified, classes: Classes) -> Pairing:
     """Blocks of one kind paired by how alike their surroundings are, a few steps out."""
     alike = {(a, b): 1.0 for group_a, group_b in classes for a in group_a for b in group_b}
     around, beyond = _neighbours(first), _neighbours(second)
@@ -252,9 +251,7 @@ def _neighbours(drawing: Simplified) -> dict[int, dict[tuple, list[int]]]:
     return neighbours
 
 
-def _improved(
-    pairing: Pairing, classes: list[tuple[list[int], list[int]]], scorer: _Scorer
-) -> Pairing:
+def _improved(pairing: Pairing, classes: Classes, scorer: _Scorer) -> Pairing:
     """Exchange partners within a kind, or bring in one without a partner, while that keeps more
     links.
     """

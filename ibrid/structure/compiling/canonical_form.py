@@ -13,6 +13,8 @@ from ibrid.structure.reading.parameters import ParameterTable, kind_parameters
 from ibrid.structure.reading.wiring import Wiring, split_port
 
 #: An edge of a labelled graph: start, end, label.
+#: Vertex -> colour.
+Colours = dict[int, int]
 Edge = tuple[int, int, str]
 
 #: Vertices told apart before symmetry is given up; far above what a drawn controller needs.
@@ -66,7 +68,7 @@ class _Labelling:
         named = [self.labels[vertex] for vertex in order]
         return CanonicalForm(tuple(order), repr((exact, named, self.edge_words, edges)), exact)
 
-    def _refined(self, colours: dict[int, int]) -> dict[int, int]:
+    def _refined(self, colours: Colours) -> Colours:
         """Split colours by the colours around, within the vertices given, until nothing splits."""
         around = {
             vertex: [one for one in self.around[vertex] if one[1] in colours] for vertex in colours
@@ -86,7 +88,7 @@ class _Labelling:
                 return colours
             number = len(rank)
 
-    def _order(self, colours: dict[int, int]) -> list[int] | None:
+    def _order(self, colours: Colours) -> list[int] | None:
         """Canonical order of vertices with refined colours; None when there is too much
         symmetry.
         """
@@ -107,7 +109,7 @@ class _Labelling:
             vertex for _, inner in sorted(parts, key=lambda part: part[0]) for vertex in inner
         ]
 
-    def _told_apart(self, colours: dict[int, int]) -> list[int] | None:
+    def _told_apart(self, colours: Colours) -> list[int] | None:
         """Canonical order of one component in which every colour ties: the least over the choices
         of a first vertex.
         """
@@ -138,7 +140,7 @@ class _Labelling:
                 leaves.append((certificate, order))
         return min(leaves, key=lambda leaf: leaf[0])[1]
 
-    def _certificate(self, order: list[int], colours: dict[int, int]) -> list:
+    def _certificate(self, order: list[int], colours: Colours) -> list:
         place = {vertex: index for index, vertex in enumerate(order)}
         inside = [
             (place[vertex], word, place[other])
@@ -148,7 +150,7 @@ class _Labelling:
         ]
         return [[colours[vertex] for vertex in order], sorted(inside)]
 
-    def _components(self, colours: dict[int, int]) -> list[dict[int, int]]:
+    def _components(self, colours: Colours) -> list[Colours]:
         """Parts joined by edges that tell vertices of a colour apart; colours must be refined."""
         size = Counter(colours.values())
         parts, left = [], dict(colours)

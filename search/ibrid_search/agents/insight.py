@@ -18,6 +18,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import shipped_names, textbook_text
 from ibrid.structure.diagrams.program import LONGEST_PROGRAM, parse_program, program_text
 from ibrid.study import Study
+from ibrid.writing import PlainData
 from ibrid_search.agents.tool import Steps, Tool, tools_in
 from ibrid_search.language_models.physics_in_words import physics_in_words
 from ibrid_search.language_models.record_view import polar, port_view
@@ -68,7 +69,7 @@ class Insight:
 
     def show_data(
         self, op: str | None = None, view: str = "Y", low: float = 0.0, high: float = float("inf")
-    ) -> dict[str, Any]:
+    ) -> PlainData:
         """Rows of a view of one operating point; every left-out frequency is counted."""
         point = self.study.fitted.point(op) if op is not None else self.study.fitted.points[0]
         inside = np.flatnonzero((point.frequency >= low) & (point.frequency <= high))
@@ -91,7 +92,7 @@ class Insight:
             "next": "list_diagrams",
         }
 
-    def list_diagrams(self) -> dict[str, Any]:
+    def list_diagrams(self) -> PlainData:
         """Names of shipped diagrams with their first looks."""
         rankings = rankings_for(self.study)
         with rankings.screener.time_slice(self.answer_within) as part:
@@ -111,7 +112,7 @@ class Insight:
         )
         return {"ranked": ranked[:LISTED], "others": ", ".join(others), "next": then}
 
-    def read_diagram(self, name: str | None = None, step: int | None = None) -> dict[str, Any]:
+    def read_diagram(self, name: str | None = None, step: int | None = None) -> PlainData:
         """The text of a shipped diagram, with its comments, or of an evaluated step."""
         if (name is None) == (step is None):
             raise IbridError(
@@ -127,12 +128,12 @@ class Insight:
 
     def diagnose(
         self, step: int, count: int = RANKED, place: int = 1, ports: bool = False
-    ) -> dict[str, Any]:
+    ) -> PlainData:
         """Edits of a step by what they explain; structures that were met before are left out."""
         record = self.steps.record(step)
         rankings = rankings_for(self.study)
         floor = rankings.screener.criterion.floor
-        answer: dict[str, Any] = {
+        answer: PlainData = {
             "step": step,
             "step_error": floor.error_of(record),
             "noise_leaves": floor.level if floor.known else None,
@@ -217,7 +218,7 @@ class Insight:
     def _stands(self, look: ScreeningFit) -> bool:
         return bool(look.values and look.edit.description) and self._new(look.edit.diagram)
 
-    def try_programs(self, programs: Sequence[str], parent: int | None = None) -> dict[str, Any]:
+    def try_programs(self, programs: Sequence[str], parent: int | None = None) -> PlainData:
         """A look at each; what is no legal program gets its reason instead."""
         if not 0 < len(programs) <= TRIED:
             raise IbridError(f"try_programs takes 1 to {TRIED} programs, found {len(programs)}")
@@ -225,7 +226,7 @@ class Insight:
         if parent is not None:
             parameters = self.steps.record(parent).parameters
             values = [parameters[name] for name in self.study.fitted.names]
-        screener, answers = rankings_for(self.study).screener, list[dict[str, Any]]()
+        screener, answers = rankings_for(self.study).screener, list[PlainData]()
         with screener.time_slice(self.answer_within) as part:
             for text in programs:
                 try:
@@ -257,14 +258,14 @@ class Insight:
         )
 
 
-def _entries(frequency: np.ndarray, matrix: np.ndarray) -> Iterator[dict[str, Any]]:
+def _entries(frequency: np.ndarray, matrix: np.ndarray) -> Iterator[PlainData]:
     for hertz, values in zip(frequency, matrix, strict=True):
         yield {"hz": float(hertz)} | {
             entry: polar(complex(values[place])) for entry, place in ENTRIES.items()
         }
 
 
-def _sequences(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[dict[str, Any]]:
+def _sequences(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[PlainData]:
     """Impedances by sequence; a negative frequency of the network is one of the other sequence."""
     seen = sequence_view(replace(sweep, points=(point,))).impedance[point.op.name]
     for k in chosen:
@@ -277,7 +278,7 @@ def _sequences(point: PointSweep, chosen: np.ndarray, sweep: Sweep) -> Iterator[
 
 
 #: What show_data shows: name -> rows.
-_VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[dict[str, Any]]]] = {
+_VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[PlainData]]] = {
     "Y": lambda point, chosen, _: _entries(point.frequency[chosen], point.admittance[chosen]),
     "Z": lambda point, chosen, _: _entries(
         point.frequency[chosen], -np.linalg.inv(point.admittance[chosen])
@@ -288,7 +289,7 @@ _VIEWS: dict[str, Callable[[PointSweep, np.ndarray, Sweep], Iterator[dict[str, A
 
 def _so_far(
     part: TimeSlice[ScreeningFit], looks: Sequence[Mapping[str, Any]], tool: str
-) -> dict[str, Any]:
+) -> PlainData:
     """The answer of a slice that was not enough: no ranking yet, and how to go on."""
     return {
         "looks_so_far": list(looks),
@@ -301,14 +302,14 @@ def _so_far(
     }
 
 
-def _named(look: ScreeningFit) -> dict[str, Any]:
+def _named(look: ScreeningFit) -> PlainData:
     """A look at a shipped diagram in plain data."""
     return {"name": look.edit.source, "error": look.error, "free": look.free}
 
 
-def _told(look: ScreeningFit) -> dict[str, Any]:
+def _told(look: ScreeningFit) -> PlainData:
     """A look in plain data; without a response it has no error."""
-    told: dict[str, Any] = (
+    told: PlainData = (
         {"edit": look.edit.description, "part": look.edit.source} if look.edit.description else {}
     )
     return told | {"error": look.error if look.values else None, "free": look.free}

@@ -31,6 +31,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook
 from ibrid.structure.diagrams.program import program_text
 from ibrid.study import Study
+from ibrid.writing import PlainData
 from ibrid_search.agents.logbook import USUAL, Logbook
 from ibrid_search.agents.study_folder import StudyFolder
 from ibrid_search.agents.tool import Tool, call_by_name, capped, failed
@@ -50,8 +51,8 @@ _MISSING = (
 #: Seconds after which an answer comes: clients give up after a minute or two.
 ANSWER_WITHIN = 20.0
 #: Keeps a call: name, arguments and answer.
-Note = Callable[[str, Any, dict[str, Any]], None]
-_Call = tuple[Callable[[], dict[str, Any]], "Future[dict[str, Any]]"]
+Note = Callable[[str, Any, PlainData], None]
+_Call = tuple[Callable[[], PlainData], "Future[PlainData]"]
 
 
 def serve(
@@ -163,7 +164,7 @@ def make_server(
         )
 
     async def on_call_tool(_: Any, asked: types.CallToolRequestParams) -> types.CallToolResult:
-        answer: Future[dict[str, Any]] = Future()
+        answer: Future[PlainData] = Future()
         calls.put((lambda: _guarded(tools, note, asked.name, asked.arguments), answer))
         content = await asyncio.wrap_future(answer)
         text = json.dumps(show_controls_within(content), ensure_ascii=False)
@@ -180,7 +181,7 @@ def make_server(
     )
 
 
-def _guarded(tools: Sequence[Tool], note: Note, name: str, arguments: Any) -> dict[str, Any]:
+def _guarded(tools: Sequence[Tool], note: Note, name: str, arguments: Any) -> PlainData:
     """A call whose unforeseen end is an answer too: one bad request must not take the evaluated
     programs with it.
     """

@@ -12,11 +12,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import Any
 
 from ibrid.devices.isolation.descendants import end_with_descendants
 from ibrid.errors import IbridError, near
 from ibrid.own_files import ONLY_BELOW
+from ibrid.writing import PlainData
 from ibrid_search.agents.tool import Steps, Tool, tools_in
 
 #: Commands of a study; searches and servers are the other tools' affair.
@@ -111,7 +111,7 @@ class StudyFolder:
         """What an agent is shown."""
         return tools_in("study_folder.toml", self, commands=list(self._commands))
 
-    def run_ibrid(self, words: list[str], stop: bool = False) -> dict[str, Any]:
+    def run_ibrid(self, words: list[str], stop: bool = False) -> PlainData:
         """Run a command, or go on with it; what it printed, and the files that it wrote."""
         asked = tuple(words)
         if stop:
@@ -130,7 +130,7 @@ class StudyFolder:
             self._running = self._begun(asked)
         return self._answer(self._running)
 
-    def list_files(self, file: str | None = None) -> dict[str, Any]:
+    def list_files(self, file: str | None = None) -> PlainData:
         """Names and sizes of the files below the folder; or the beginning of one."""
         if file is not None:
             path = self._inside(file)
@@ -149,7 +149,7 @@ class StudyFolder:
         rest = {"left_out": {"files": f"{len(files) - LISTED} more"}} if len(files) > LISTED else {}
         return {"files": told, **rest, "next": "run_ibrid with words such as inspect, FILE"}
 
-    def save_step(self, step: int, file: str) -> dict[str, Any]:
+    def save_step(self, step: int, file: str) -> PlainData:
         """Write the record of a step into the folder, for the commands that take a record."""
         path = self._inside(file)
         if path.suffix != ".json":
@@ -200,7 +200,7 @@ class StudyFolder:
             raise IbridError(f"the command cannot be begun ({error}); choose other words") from None
         return _Running(words, process, scratch)
 
-    def _answer(self, running: _Running) -> dict[str, Any]:
+    def _answer(self, running: _Running) -> PlainData:
         try:
             status = running.process.wait(timeout=self._answer_within)
         except subprocess.TimeoutExpired:

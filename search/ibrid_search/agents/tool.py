@@ -16,6 +16,7 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.schemas import first_error, validator
 from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.writing import PlainData
 from ibrid_search.language_models.language import words
 from ibrid_search.proposal import Evaluated
 from ibrid_search.step import Step
@@ -64,7 +65,7 @@ class Tool:
     required: tuple[str, ...] = ()
 
     @property
-    def schema(self) -> dict[str, Any]:
+    def schema(self) -> PlainData:
         """JSON schema of all arguments."""
         return {
             "type": "object",
@@ -73,7 +74,7 @@ class Tool:
             "additionalProperties": False,
         }
 
-    def call(self, arguments: Any, *, longest: int = LONGEST_ANSWER) -> dict[str, Any]:
+    def call(self, arguments: Any, *, longest: int = LONGEST_ANSWER) -> PlainData:
         """The answer, at most `longest` characters as JSON; {"error": one sentence} for a wrong
         call, never an exception for what a caller can do wrong.
         """
@@ -106,7 +107,7 @@ def tools_in(table: str, owner: object, **facts: Any) -> tuple[Tool, ...]:
 
 def call_by_name(
     tools: Sequence[Tool], name: Any, arguments: Any, *, longest: int = LONGEST_ANSWER
-) -> dict[str, Any]:
+) -> PlainData:
     """Call the tool of that name; an unknown one is an answer with the near names."""
     for tool in tools:
         if tool.name == name:
@@ -117,7 +118,7 @@ def call_by_name(
     )
 
 
-def failed(sentence: str) -> dict[str, Any]:
+def failed(sentence: str) -> PlainData:
     """The answer to a call that cannot be answered."""
     return {"error": _text(" ".join(sentence.split())[:2_000])}
 
@@ -172,7 +173,7 @@ def plain(value: Any) -> Any:
     return value if value is None else _text(value)
 
 
-def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> dict[str, Any]:
+def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> PlainData:
     """The answer as plain data; long lists and texts are cut where it is longer than `longest`, and
     a field `left_out` says where and how much. A field `program` is kept whole, up to
     `LONGEST_WHOLE`: half a program is none.
@@ -196,7 +197,7 @@ def capped(answer: Mapping[str, Any], longest: int = LONGEST_ANSWER) -> dict[str
     return failed(f"the answer has {_length(whole)} characters, more than {longest}; ask for less")
 
 
-def left_out(what: str, shown: int, total: int) -> dict[str, Any]:
+def left_out(what: str, shown: int, total: int) -> PlainData:
     """What an answer says of rows or steps that it does not show; nothing where it shows all."""
     return {LEFT_OUT: {what: f"{total - shown} of {total}"}} if shown < total else {}
 

@@ -3,7 +3,6 @@ grammar, vocabulary. Text is read, never run; every answer names the next useful
 """
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from ibrid.structure.compiling.compiled import compile_diagram
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import LONGEST_PROGRAM, parse_program
 from ibrid.study import Study
+from ibrid.writing import PlainData
 from ibrid_search.agents.insight import Insight
 from ibrid_search.agents.tool import Steps, Tool, left_out, tools_in
 from ibrid_search.blocks import shown
@@ -72,12 +72,12 @@ class Tools:
 
     def show_record(
         self, step: int, op: str | None = None, band: str | None = None, entry: str | None = None
-    ) -> dict[str, Any]:
+    ) -> PlainData:
         """`ibrid_search.language_models.record_view` of a step."""
         view = record_view(self.steps.record(step), self.study.sweep, op=op, band=band, entry=entry)
         return {"step": step, "next": f"show_residuals or diagnose with step={step}", **view}
 
-    def show_residuals(self, step: int, op: str | None = None) -> dict[str, Any]:
+    def show_residuals(self, step: int, op: str | None = None) -> PlainData:
         """What a step leaves at an operating point in standard deviations of the noise, |model -
         measured| / (sqrt(2) sigma), by frequency and entry; parts that stand out are those of the
         record's `misfit`.
@@ -114,7 +114,7 @@ class Tools:
             else f"nothing stands out; {self._done(step)}",
         }
 
-    def list_steps(self, after: int = -1) -> dict[str, Any]:
+    def list_steps(self, after: int = -1) -> PlainData:
         """Steps with a number above `after` in their order, refused ones too: parent, note and how
         they ended.
         """
@@ -127,7 +127,7 @@ class Tools:
             {"best": best[0].step, "next": f"diagnose with step={best[0].step}"} if best else {}
         )
 
-    def list_best(self, count: int = LISTED) -> dict[str, Any]:
+    def list_best(self, count: int = LISTED) -> PlainData:
         """The best steps; their programs are read by read_diagram."""
         best = self.steps.best(count)
         known = {step.number: step for step in self.steps.steps}
@@ -140,14 +140,14 @@ class Tools:
             {"next": f"show_residuals or diagnose with step={best[0].step}"} if best else {}
         )
 
-    def predict_point(self, step: int, op: str) -> dict[str, Any]:
+    def predict_point(self, step: int, op: str) -> PlainData:
         """Error at a held-out point, or rows of a prediction."""
         record, sweep = self.steps.record(step), self.study.sweep
         measured = sweep.point(op) if op in sweep.names else None
         frequency = (measured or sweep.points[0]).frequency
         prediction = predict(record, op, frequency)
         chosen = evenly(len(frequency), PREDICTED)
-        answer: dict[str, Any] = {
+        answer: PlainData = {
             "step": step,
             "op": prediction.op.name,
             "stable": prediction.stable,
@@ -171,7 +171,7 @@ class Tools:
             "next": self._done(step),
         }
 
-    def check_grammar(self, program: str) -> dict[str, Any]:
+    def check_grammar(self, program: str) -> PlainData:
         """Violations and warnings, and the size of what is legal."""
         try:
             diagram = parse_program(program)
@@ -195,9 +195,7 @@ class Tools:
             "next": f"try_programs, or {self.hand_in}" if met is None else "another program",
         }
 
-    def describe_vocabulary(
-        self, part: str = "language", kind: str | None = None
-    ) -> dict[str, Any]:
+    def describe_vocabulary(self, part: str = "language", kind: str | None = None) -> PlainData:
         """The language with the names of the kinds, all kinds in a line each, or one in full."""
         kinds, equilibrium = self.study.kinds, self.study.equilibrium
         if kind is not None:
@@ -215,10 +213,10 @@ class Tools:
             "next": "describe_vocabulary with part=kinds, or kind=NAME",
         }
 
-    def compare(self, a: str | int, b: str | int) -> dict[str, Any]:
+    def compare(self, a: str | int, b: str | int) -> PlainData:
         """`ibrid compare` of two legal programs; of two steps also what changed in numbers."""
         comparison = compare(self._legal(a, "a"), self._legal(b, "b"), self.study.kinds)
-        answer: dict[str, Any] = {
+        answer: PlainData = {
             "same": comparison.same,
             "f1_modules": comparison.modules.f1,
             "f1_connections": comparison.connections.f1,
@@ -245,8 +243,8 @@ class Tools:
         return diagram
 
 
-def _told(step: Step) -> dict[str, Any]:
-    ended: dict[str, Any] = {"step": step.number, "status": str(step.status)}
+def _told(step: Step) -> PlainData:
+    ended: PlainData = {"step": step.number, "status": str(step.status)}
     if step.parent is not None:
         ended["parent"] = step.parent
     if step.note:
@@ -258,7 +256,7 @@ def _told(step: Step) -> dict[str, Any]:
     return ended | ({"same_as": step.same_as} if step.same_as is not None else {})
 
 
-def differences(first: Record, second: Record) -> dict[str, Any]:
+def differences(first: Record, second: Record) -> PlainData:
     """What the second of two fits has better or worse than the first: error, size, and parameters
     that moved.
     """
@@ -290,6 +288,6 @@ def differences(first: Record, second: Record) -> dict[str, Any]:
     }
 
 
-def sentences(found: Sequence[Violation]) -> list[dict[str, Any]]:
+def sentences(found: Sequence[Violation]) -> list[PlainData]:
     """Violations or warnings with their lines."""
     return [{"line": one.line, "message": one.message} for one in found]

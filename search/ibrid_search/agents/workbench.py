@@ -12,6 +12,7 @@ from ibrid.fit.settings import EFFORTS, FitSettings, fit_settings
 from ibrid.report.facts.verdict import graded, verdict
 from ibrid.structure.diagrams.program import LONGEST_PROGRAM, program_text
 from ibrid.study import Study
+from ibrid.writing import PlainData
 from ibrid_search.agents.logbook import Logbook
 from ibrid_search.agents.tool import Tool, tools_in
 from ibrid_search.agents.tools import Tools
@@ -47,12 +48,12 @@ class Workbench(Tools):
         note: str = "",
         parent: int | None = None,
         settings: Mapping[str, Any] | None = None,
-    ) -> dict[str, Any]:
+    ) -> PlainData:
         """How the step ended, and its record."""
         best = self.logbook.best(1)
         study, fit = self._asked(settings or {})
         step = self.logbook.submit(program, note=note, parent=parent, study=study, fit=fit)
-        answer: dict[str, Any] = {"step": step.number, "status": step.status}
+        answer: PlainData = {"step": step.number, "status": step.status}
         if best:
             answer["best_before"] = {"step": best[0].step, "nrmse": best[0].record.nrmse}
         if step.status in (Status.UNREADABLE, Status.ILLEGAL):
@@ -70,7 +71,7 @@ class Workbench(Tools):
         )
         return answer | same | {"next": then} | record_view(record, self.study.sweep)
 
-    def evaluate_edit(self, step: int, place: int = 1, note: str = "") -> dict[str, Any]:
+    def evaluate_edit(self, step: int, place: int = 1, note: str = "") -> PlainData:
         """As `evaluate_program` of the edit at a place of the last diagnosis of a step; without a
         word of the program.
         """
@@ -79,7 +80,7 @@ class Workbench(Tools):
             program_text(edit.diagram), note or edit.description, parent=step
         )
 
-    def finish(self, step: int, reasons: str) -> dict[str, Any]:
+    def finish(self, step: int, reasons: str) -> PlainData:
         """The answer is kept; what speaks against it is said."""
         record = self.steps.record(step)
         if not reasons.strip():

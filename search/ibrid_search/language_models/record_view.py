@@ -16,6 +16,7 @@ from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep, Sweep
 from ibrid.report.facts.parameter_rows import parameter_rows
 from ibrid.report.facts.verdict import graded, verdict
 from ibrid.report.look.numbers import number
+from ibrid.writing import PlainData
 from ibrid_search.language_models.quoting import digits, quoted
 
 #: Parts of the error and single frequencies that are shown, and frequencies of a part that was
@@ -26,7 +27,7 @@ WORST_PARTS, WORST_FREQUENCIES, OF_A_PART = 8, 6, 16
 OF_A_TRANSFER, USELESS = 5, 0.5
 
 
-def summary(record: Record) -> dict[str, Any]:
+def summary(record: Record) -> PlainData:
     """One candidate in a list: error, size, stability."""
     return {
         "grade": graded(record),
@@ -47,7 +48,7 @@ def record_view(
     op: str | None = None,
     band: str | None = None,
     entry: str | None = None,
-) -> dict[str, Any]:
+) -> PlainData:
     """Everything of a fitted record that helps to decide on the next edit.
 
     op : name of an operating point, band : such as "5-50" (Hz), entry : dd, dq, qd or qq: which
@@ -157,7 +158,7 @@ def _parts(cells: list[dict[str, Any]], whole: float) -> list[dict[str, Any]]:
     ]
 
 
-def _frequency(cell: Mapping[str, Any], whole: float) -> dict[str, Any]:
+def _frequency(cell: Mapping[str, Any], whole: float) -> PlainData:
     return {
         "op": cell["op"],
         "hz": cell["hz"],
@@ -173,7 +174,7 @@ def polar(value: complex) -> str:
     return f"{abs(value):.4g} at {np.degrees(np.angle(value)):.1f} deg"
 
 
-def port_view(fit: PortFit) -> dict[str, Any]:
+def port_view(fit: PortFit) -> PlainData:
     """A port of the port map in plain data: what is left over in sigmas squared, and the transfer
     where the data see it.
     """

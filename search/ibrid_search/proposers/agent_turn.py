@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.report.facts.verdict import verdict
+from ibrid.writing import PlainData
 from ibrid_search.agents.tool import call_by_name, failed
 from ibrid_search.agents.tools import Tools
 from ibrid_search.blocks import blocks_alone, shown, strip_thinking
@@ -61,7 +62,7 @@ class Turn:
         self.dialogue = Dialogue(self.question)
         self._edit = self._diagnosis = self._note = self._failure = ""
         self._calls = 0
-        self._usage: dict[str, Any] = {}
+        self._usage: PlainData = {}
         self._reply: list[str] = []
 
     def proposal(self) -> Proposal:
@@ -126,7 +127,7 @@ class Turn:
         return chat.complete(messages, rng_seed=seed)
 
     @property
-    def _declared(self) -> list[dict[str, Any]]:
+    def _declared(self) -> list[PlainData]:
         return [
             {
                 "type": "function",
@@ -156,7 +157,7 @@ class Turn:
             ended = ended or "taken" in answer
         return ended
 
-    def _called(self, call: Call) -> dict[str, Any]:
+    def _called(self, call: Call) -> PlainData:
         """What a call is answered; {"taken": True} ends the turn."""
         if call.arguments is None:
             return failed(f"the arguments of {call.name} are no JSON object; write them again")
@@ -204,7 +205,7 @@ class Dialogue:
     """Messages in the words of the OpenAI interface; `question` are the first of them and stay."""
 
     def __init__(self, question: Sequence[Mapping[str, Any]]) -> None:
-        self.messages: list[dict[str, Any]] = [dict(one) for one in question]
+        self.messages: list[PlainData] = [dict(one) for one in question]
         self._asked = len(self.messages)
 
     @property
@@ -216,7 +217,7 @@ class Dialogue:
         """Add what the model said; calls of the interface must be there for their answers to be
         understood.
         """
-        message: dict[str, Any] = {
+        message: PlainData = {
             "role": "assistant",
             "content": wish.said[:LONGEST_SAID] or "(no text)",
         }
@@ -253,7 +254,7 @@ class Dialogue:
                 call["function"]["arguments"] = "{}"
 
 
-def _native(call: Call) -> dict[str, Any]:
+def _native(call: Call) -> PlainData:
     arguments = call.arguments if isinstance(call.arguments, Mapping) else {}
     return {
         "id": call.id,
