@@ -19,6 +19,8 @@ from ibrid.generic.dialect import DIALECTS, Dialect
 from ibrid.generic.model import GenericModel
 from ibrid.generic.seen import SeenRecord
 
+#: Of constants, by name.
+Values = Mapping[str, float]
 #: Part of a range by which a constant is moved for a derivative; part of it that a standard
 #: deviation may be of one that is shown; change of the squares that is none.
 MOVED, SHOWN, NOTHING = 1e-3, 0.25, 1e-6
@@ -40,8 +42,8 @@ class GenericFit:
     interval.
     """
 
-    values: Mapping[str, float]
-    deviations: Mapping[str, float]
+    values: Values
+    deviations: Values
     scanned: Mapping[str, tuple[float, float]]
     unseen: Mapping[str, str]
     correlations: tuple[tuple[str, str, float], ...]
@@ -58,7 +60,7 @@ class _Problem:
     ) -> None:
         self.model, self.records, self.dialect = model, records, dialect
 
-    def residual(self, values: Mapping[str, float]) -> np.ndarray:
+    def residual(self, values: Values) -> np.ndarray:
         """(N,) of all records."""
 
         def play(time, v, told, rest):
@@ -66,11 +68,11 @@ class _Problem:
 
         return np.concatenate([seen.residual(seen.current(play)) for seen in self.records])
 
-    def squares(self, values: Mapping[str, float]) -> float:
+    def squares(self, values: Values) -> float:
         """Their sum."""
         return float(np.sum(self.residual(values) ** 2))
 
-    def jacobian(self, values: Mapping[str, float], free: Sequence[Constant]) -> np.ndarray:
+    def jacobian(self, values: Values, free: Sequence[Constant]) -> np.ndarray:
         """(N, K) of the constants, each in parts of its range."""
         columns, here = [], self.residual(values)
         for constant in free:
@@ -80,9 +82,7 @@ class _Problem:
             columns.append((side - here) * (constant.high - constant.low) / step)
         return np.stack(columns, axis=1)
 
-    def fitted(
-        self, values: Mapping[str, float], free: Sequence[Constant], most: int
-    ) -> dict[str, float]:
+    def fitted(self, values: Values, free: Sequence[Constant], most: int) -> dict[str, float]:
         """The values with `free` where the squares are least, of at most so many evaluations."""
         if not free:
             return dict(values)
@@ -112,7 +112,7 @@ class _Problem:
 def fit_generic(
     model: GenericModel,
     records: Sequence[SeenRecord],
-    start: Mapping[str, float] | None = None,
+    start: Values | None = None,
     dialect: Dialect = DIALECTS["wecc"],
     held_flags: bool = False,
 ) -> GenericFit:
@@ -162,7 +162,7 @@ def _better(
     return tried if problem.squares(tried) < problem.squares(best) - LIKELY else best
 
 
-def _shown(problem: _Problem, values: Mapping[str, float]) -> list[Constant]:
+def _shown(problem: _Problem, values: Values) -> list[Constant]:
     """Constants that change the answer at all."""
     fitted = [constant for constant in problem.model.constants if constant.way == "fitted"]
     size = np.linalg.norm(problem.jacobian(values, fitted), axis=0)
@@ -193,7 +193,7 @@ def _scan(
 
 
 def _only_shown(
-    problem: _Problem, values: dict[str, float], begin: Mapping[str, float]
+    problem: _Problem, values: dict[str, float], begin: Values
 ) -> tuple[dict[str, float], list[Constant], dict[str, str]]:
     """The values with what is not shown back at the start; what is left free; why each was left."""
     fitted = [constant for constant in problem.model.constants if constant.way == "fitted"]
@@ -219,9 +219,7 @@ def _only_shown(
     return problem.fitted(values, free, LONG), free, unseen
 
 
-def _covariance(
-    problem: _Problem, values: Mapping[str, float], free: Sequence[Constant]
-) -> np.ndarray:
+def _covariance(problem: _Problem, values: Values, free: Sequence[Constant]) -> np.ndarray:
     """(K, K), in parts of the ranges."""
     jacobian = problem.jacobian(values, free)
     freedom = max(len(jacobian) - len(free), 1)

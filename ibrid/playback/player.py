@@ -49,8 +49,9 @@ MOST_PARTS, FEW_PARTS = 400, 16
 DEEP, DEEPER, SHALLOW = 5, 4, 2
 #: Corrections that are kept: of the records of a model, and of the one before.
 KNOWN = 16
-#: Parameter sets, and values of the orders of delays for which the laws are kept.
-Sets = Sequence[Mapping[str, float]]
+#: Parameters by name, sets of them, and orders of delays for which the laws are kept.
+Values = Mapping[str, float]
+Sets = Sequence[Values]
 _Orders = tuple[tuple[str, int], ...]
 
 
@@ -133,14 +134,14 @@ class Player:
         )
         return [replace(one, current=window @ one.current) for one in played]
 
-    def matrices(self, record: EventRecord, values: Mapping[str, float]) -> Matrices:
+    def matrices(self, record: EventRecord, values: Values) -> Matrices:
         """A, B, C, D from the voltage to the current at the PCC at a record's rest, d and q.
 
         Raises as `play` does where there is no rest."""
         return self._laws_at(values).at_rest(record, values)
 
     def pulse_responses(
-        self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float
+        self, record: EventRecord, values: Values, intervals: np.ndarray, size: float
     ) -> np.ndarray:
         """(M, N, 2) what a voltage that is wrong in one of some intervals between samples changes
         in the current.
@@ -151,9 +152,7 @@ class Player:
         """
         return self._laws_at(values).pulse_responses(record, values, intervals, size)
 
-    def _laws_at(
-        self, values: Mapping[str, float], *, led: bool = False, told: bool = False
-    ) -> "_Laws":
+    def _laws_at(self, values: Values, *, led: bool = False, told: bool = False) -> "_Laws":
         """The joined laws for the delays among some values; told : with set points that move."""
         key = self._orders(values, LED_PHASE if led else PHASE), led, told
         if key not in self._laws:
@@ -170,7 +169,7 @@ class Player:
             )
         return bool(record.steps_told)
 
-    def _orders(self, values: Mapping[str, float], phase: float = PHASE) -> _Orders:
+    def _orders(self, values: Values, phase: float = PHASE) -> _Orders:
         return tuple(
             (name, rational_order(float(self.table.value(name, kind.delay, values)), phase))
             for name, kind in self.wiring.kinds.items()
@@ -397,7 +396,7 @@ class _Laws:
         begun = self._begin(numbers, record.rest.pqv, 2 * np.pi * record.offset_hz, clock)
         return [np.array(part) for part in begun]
 
-    def at_rest(self, record: EventRecord, values: Mapping[str, float]) -> Matrices:
+    def at_rest(self, record: EventRecord, values: Values) -> Matrices:
         """A, B, C, D at a record's rest."""
         x, memory, constants, _ = self._begun(record, [values], 0.0)
         if not np.isfinite(np.vstack([x, constants])).all():
@@ -425,7 +424,7 @@ class _Laws:
         )
 
     def pulse_responses(
-        self, record: EventRecord, values: Mapping[str, float], intervals: np.ndarray, size: float
+        self, record: EventRecord, values: Values, intervals: np.ndarray, size: float
     ) -> np.ndarray:
         """(M, N, 2) as `Player.pulse_responses`."""
         x, memory, constants, _ = self._begun(record, [values], _clock(record))

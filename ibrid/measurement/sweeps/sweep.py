@@ -292,6 +292,10 @@ def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
         raise SweepError(f"power_node must be capacitor or pcc; found {data.power_node}.")
 
 
+#: Name of an operating point -> numbers at its frequencies.
+ByPoint = dict[str, np.ndarray]
+
+
 @methods_take_kinds
 @dataclass(frozen=True, eq=False)
 class Sweep(Frozen):
@@ -390,27 +394,27 @@ class Sweep(Frozen):
         return replace(self, points=tuple(parts))
 
     @property
-    def Y(self) -> dict[str, np.ndarray]:
+    def Y(self) -> ByPoint:
         """Admittances by operating point, (K, 2, 2), per unit."""
         return {point.op.name: point.Y for point in self.points}
 
     @property
-    def Z(self) -> dict[str, np.ndarray]:
+    def Z(self) -> ByPoint:
         """Impedances by operating point, (K, 2, 2), per unit."""
         return {point.op.name: point.Z for point in self.points}
 
     @property
-    def db(self) -> dict[str, np.ndarray]:
+    def db(self) -> ByPoint:
         """Magnitudes in dB by operating point, (K, 2, 2)."""
         return {point.op.name: point.db for point in self.points}
 
     @property
-    def deg(self) -> dict[str, np.ndarray]:
+    def deg(self) -> ByPoint:
         """Unwrapped phases in degrees by operating point, (K, 2, 2)."""
         return {point.op.name: point.deg for point in self.points}
 
     @property
-    def pn(self) -> dict[str, np.ndarray]:
+    def pn(self) -> ByPoint:
         """Matrices of positive and negative sequence by operating point, (K, 2, 2)."""
         return {point.op.name: point.pn for point in self.points}
 

@@ -15,6 +15,8 @@ import numpy as np
 from ibrid.report.block_diagrams.block_graph import BlockGraph, Net, Node, Pin
 from ibrid.structure.reading.wiring import PLANT
 
+#: Of pins of a block, or of the tops of blocks, by name.
+Heights = Mapping[str, float]
 #: Lengths in drawing units, of which a line of text takes about 12.
 PORT_PITCH, HEADER, LINE, GAP = 16.0, 36.0, 13.0, 26.0
 BOLD, PLAIN, SMALL = 7.3, 6.3, 5.7  # widths of a character
@@ -27,8 +29,8 @@ class NodeShape:
 
     width: float
     height: float
-    inputs: Mapping[str, float]
-    outputs: Mapping[str, float]
+    inputs: Heights
+    outputs: Heights
     labelled: bool = False
 
 
@@ -43,7 +45,7 @@ class Placement:
     graph: BlockGraph
     shapes: Shapes
     column: Mapping[str, int]
-    top: Mapping[str, float]
+    top: Heights
 
     @property
     def columns(self) -> int:
@@ -185,19 +187,19 @@ class _Wishes:
             self.after[source[0]].append((target[0], offset))
             self.before[target[0]].append((source[0], -offset))
 
-    def mean(self, name: str, top: Mapping[str, float], both: bool) -> float:
+    def mean(self, name: str, top: Heights, both: bool) -> float:
         """Mean over the neighbours; with `both`, on both sides."""
         near = self.after[name] + (self.before[name] if both or not self.after[name] else [])
         return sum(top[other] + offset for other, offset in near) / len(near) if near else top[name]
 
-    def first(self, name: str, top: Mapping[str, float]) -> float:
+    def first(self, name: str, top: Heights) -> float:
         """For the first neighbour downstream."""
         return next((top[other] + offset for other, offset in self.after[name]), top[name])
 
 
 def _separate(
     layer: Sequence[str],
-    wanted: Mapping[str, float],
+    wanted: Heights,
     shapes: Shapes,
     top: dict[str, float],
 ) -> None:

@@ -17,6 +17,9 @@ from ibrid.structure.reading.wiring import Wiring
 #: The two ways to treat the operating point: computed from p, q, v and the plant, or fitted freely
 #: as in the paper.
 EQUILIBRIA = ("exact", "paper")
+#: An instance and a parameter of its kind; and the value or free name that each takes.
+Place = tuple[str, str]
+Bound = dict[Place, str | float]
 
 
 @dataclass(frozen=True)
@@ -38,7 +41,7 @@ class Parameter:
     typical: float
     unit: str
     meaning: str
-    members: tuple[tuple[str, str], ...]
+    members: tuple[Place, ...]
     local: bool = False
     tolerance: float | None = None
 
@@ -53,7 +56,7 @@ class ParameterTable(Frozen):
     """Free parameters, and the value or free name that each (instance, parameter) takes."""
 
     free: tuple[Parameter, ...]
-    bound: dict[tuple[str, str], str | float]
+    bound: Bound
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -96,8 +99,8 @@ def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
 
     Raises DiagramError when two boxes that share a name do not overlap.
     """
-    groups: dict[str, list[tuple[tuple[str, str], Range]]] = {}
-    bound: dict[tuple[str, str], str | float] = {}
+    groups: dict[str, list[tuple[Place, Range]]] = {}
+    bound: Bound = {}
     for instance in wiring.instances:
         for parameter, box in kind_parameters(wiring.kinds[instance.name], equilibrium).items():
             binding, key = instance.bindings.get(parameter), (instance.name, parameter)
@@ -110,7 +113,7 @@ def parameter_table(wiring: Wiring, equilibrium: str) -> ParameterTable:
     return ParameterTable((*free, *_outside(wiring, bound)), bound)
 
 
-def _outside(wiring: Wiring, bound: dict[tuple[str, str], str | float]) -> Iterator[Parameter]:
+def _outside(wiring: Wiring, bound: Bound) -> Iterator[Parameter]:
     """Free labels and port values; `bound` takes the fixed ones too."""
     for instance, name, value in wiring.outside.numbers():
         if not isinstance(value, tuple):
@@ -157,7 +160,7 @@ def narrow(box: Range, low: float, high: float) -> Range:
     return Range(low, high, typical, box.unit, box.meaning, box.divides)
 
 
-def _merge(name: str, members: Sequence[tuple[tuple[str, str], Range]]) -> Parameter:
+def _merge(name: str, members: Sequence[tuple[Place, Range]]) -> Parameter:
     low = max(box.low for _, box in members)
     high = min(box.high for _, box in members)
     if not low < high:
