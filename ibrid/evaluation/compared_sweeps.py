@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from ibrid.evaluation.errors_by_part import error_parts
 from ibrid.measurement.sweeps.interpolating import common_points, interpolated
 from ibrid.measurement.sweeps.quantities import counted, hertz, percent, span
 from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
-from ibrid.writing import aligned
+from ibrid.writing import PlainData, aligned
 
 SCHEMA = "ibrid.compare-sweeps/1"
 #: Two sweeps that differ by less are the same but for rounding.
@@ -57,7 +56,7 @@ class ComparedSweeps:
         """Whether nothing but rounding is between them."""
         return all(point.nrmse < _ROUNDING for point in self.points)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> PlainData:
         """The content of `ibrid compare --json` for two sweeps."""
         return {
             "schema": SCHEMA,

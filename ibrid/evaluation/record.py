@@ -31,7 +31,7 @@ from ibrid.structure.diagrams.program import parse_program
 from ibrid.structure.network.outside import Outside
 from ibrid.structure.reading.parameters import parameter_table, parameters_at
 from ibrid.structure.reading.wiring import Wiring, wire
-from ibrid.writing import plain, write_json
+from ibrid.writing import PlainData, plain, write_json
 
 if TYPE_CHECKING:
     import control
@@ -152,7 +152,7 @@ class Record(Frozen):
         numbers = points[op]
         return OperatingPoint(op, *(float(numbers[key]) for key in "pqv"))
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> PlainData:
         """Plain data in the order of the fields, with the schema first."""
         left_out = {"vocabulary", *([] if self.validation else ["validation"])}
         fields = (one.name for one in dataclasses.fields(self) if one.name not in left_out)

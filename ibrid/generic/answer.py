@@ -24,7 +24,7 @@ from ibrid.measurement.sweeps.quantities import counted
 from ibrid.playback.compare import PlayedRecord, nrmse
 from ibrid.playback.validation import validation_of
 from ibrid.showing import brief, made_above, shown
-from ibrid.writing import write_json
+from ibrid.writing import PlainData, write_json
 
 SCHEMA = "ibrid.generic/1"
 #: Times the noise that a model may leave and still explains the events.
@@ -100,7 +100,7 @@ class GenericAnswer:
         flags = [flag.name for block in self.model.blocks for flag in block.flags if flag.tried]
         return "chosen" if name in flags else "left as it was"
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For generic.json."""
         return {
             "schema": SCHEMA,

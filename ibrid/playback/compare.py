@@ -22,6 +22,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.network.outside import PORT
 from ibrid.structure.reading.parameters import parameter_table
 from ibrid.structure.reading.wiring import wire
+from ibrid.writing import PlainData
 
 SCHEMA = "ibrid.playback/1"
 
@@ -189,7 +190,7 @@ class Playback:
         names = dict.fromkeys(name for one in each for name in one)
         return {name: float(np.mean([one[name] for one in each if name in one])) for name in names}
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For playback.json."""
         return {
             "schema": SCHEMA,

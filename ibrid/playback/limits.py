@@ -22,6 +22,7 @@ from ibrid.frozen import Frozen
 from ibrid.modules.kind import Range
 from ibrid.playback.places import Places
 from ibrid.structure.reading.wiring import Channel
+from ibrid.writing import PlainData
 
 #: Time since the last block of a device that was never blocked, s.
 NEVER = 1e6
@@ -60,7 +61,7 @@ class Limit(Frozen):
         ]
         return ", ".join(one for one in parts if one)
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         return {"id": self.id, "mode": self.mode, "windup": self.windup}
 

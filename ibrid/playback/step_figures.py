@@ -11,12 +11,12 @@ tenths.
 """
 
 from dataclasses import asdict, dataclass
-from typing import Any
 
 import numpy as np
 
 from ibrid.measurement.recordings.dq_pairs import to_complex
 from ibrid.playback.compare import PlayedRecord
+from ibrid.writing import PlainData
 
 #: Parts of the change from and to which a rise counts; band of settling; part of what follows that
 #: is its end.
@@ -37,7 +37,7 @@ class StepFigures:
     overshoot: float
 
 
-def step_figures(played: PlayedRecord) -> dict[str, Any] | None:
+def step_figures(played: PlayedRecord) -> PlainData | None:
     """For `playback.json`: which set point steps, when, and the figures of both sides; None where
     none steps and stays.
     """

@@ -4,12 +4,12 @@ count changes.
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from ibrid.analysis.grids.nyquist import Response
 from ibrid.analysis.models.modes import QUANTILE, Mode
+from ibrid.writing import PlainData
 
 #: Short-circuit ratios at which the poles are asked whether they are stable; a window narrower than
 #: one step is not seen.
@@ -41,7 +41,7 @@ class CriticalRatio:
     scr_nyquist: float | None
     interval: tuple[float, float] | None
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         return {
             "scr": self.scr,

@@ -3,11 +3,11 @@ keeps the operating point.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
 from ibrid.analysis.grids.grid import MeasuredGrid, SeriesRL
 from ibrid.analysis.grids.nyquist import Nyquist
 from ibrid.analysis.models.modes import Mode, least_damped
+from ibrid.writing import PlainData
 
 #: What is stable is barely so below one of these: gain margin, phase margin (degrees), damping
 #: ratio of a mode.
@@ -70,7 +70,7 @@ class GridCase:
         """stable, barely stable or unstable."""
         return ("barely stable" if self.slim else "stable") if self.stable else "unstable"
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         rl = self.grid if isinstance(self.grid, SeriesRL) else None
         counts = ("stable", "certain", "unstable_poles", "open_loop_unstable", "turns")

@@ -20,6 +20,7 @@ from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.measurement.formats.frd import MODEL_GRID
 from ibrid.showing import brief, shown
+from ibrid.writing import PlainData
 
 
 @methods_take_kinds
@@ -49,7 +50,7 @@ class PowerJacobian(Frozen):
         """(K,) network frequency perturbation plot."""
         return self.omega_0 / (2j * np.pi * self.frequency) * self.p_theta
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON: complex numbers as [re, im]."""
         named = {
             "p_theta": self.p_theta,

@@ -9,6 +9,7 @@ from scipy.linalg import eig
 
 from ibrid.border import takes_kinds
 from ibrid.frozen import Frozen
+from ibrid.writing import PlainData
 
 #: A real part (rad/s) below this counts as stable; above zero only to forgive rounding.
 STABLE_BELOW = 1e-6
@@ -48,7 +49,7 @@ class Mode:
         """Its real part is not positive."""
         return self.pole.real < STABLE_BELOW
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         return {
             "pole": [self.pole.real, self.pole.imag],

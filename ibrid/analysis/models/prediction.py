@@ -22,6 +22,7 @@ from ibrid.measurement.conventions.rotation import rotation
 from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.showing import brief, shown
+from ibrid.writing import PlainData
 
 #: Part of |Y| by which an invisible direction must move a prediction to be named, and |Y| below
 #: which nothing is measured, per unit: without current and with unit feedforward an inverter
@@ -94,7 +95,7 @@ class Prediction(Frozen):
             return None
         return QUANTILE * np.sqrt((self.deviation**2).sum(axis=(0, 2, 3))) / sizes(self.admittance)
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         band = self.relative_band
         return {

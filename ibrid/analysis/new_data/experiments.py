@@ -23,7 +23,6 @@ samples of the nonlinear model (`ibrid.analysis.new_data.event_answers`).
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, product
-from typing import Any
 
 import numpy as np
 
@@ -35,6 +34,7 @@ from ibrid.errors import IbridError, near
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweeps.sweep import OperatingPoint
+from ibrid.writing import PlainData
 
 #: Bits that a pair of structures must be apart to count as told apart: odds of 20 to 1.
 DECISIVE = float(np.log2(20.0))
@@ -101,7 +101,7 @@ class Experiment(Frozen):
         )
         return least if least >= SLIGHT else 0.0
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         what = {"event": self.event} if self.event else {"frequencies": list(self.frequencies)}
         return {

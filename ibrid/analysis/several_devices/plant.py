@@ -10,7 +10,6 @@ frequency: devices at different voltages and distances are no single device.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from math import hypot
-from typing import Any
 
 import numpy as np
 
@@ -24,6 +23,7 @@ from ibrid.frozen import Frozen
 from ibrid.measurement.sweeps.quantities import hertz
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.structure.network.outside import PortElement
+from ibrid.writing import PlainData
 
 #: Apparent power over the rating, and voltages per unit, beyond which a device is not expected to
 #: work.
@@ -78,7 +78,7 @@ class PlantPrediction(Frozen):
             if hypot(rest.p, rest.q) > LOADED or not VOLTAGE[0] < rest.v < VOLTAGE[1]
         )
 
-    def plain(self) -> dict[str, Any]:
+    def plain(self) -> PlainData:
         """For JSON."""
         equivalent = self.equivalent
         devices = {

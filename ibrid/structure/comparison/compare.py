@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from difflib import unified_diff
-from typing import Any
 
 from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.foreign_text import controls_shown
@@ -13,6 +12,7 @@ from ibrid.structure.comparison.drawing import Block
 from ibrid.structure.comparison.matching import best_matching
 from ibrid.structure.comparison.simplify import Simplified, simplified
 from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.writing import PlainData
 
 SCHEMA = "ibrid.compare/1"
 
@@ -70,7 +70,7 @@ class Comparison:
         """True when everything of one is in the other."""
         return self.modules.f1 == 1.0 and self.connections.f1 == 1.0
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> PlainData:
         """The JSON of `ibrid compare --json`."""
         return {
             "schema": SCHEMA,

@@ -15,6 +15,7 @@ from typing import Any
 from ibrid.errors import IbridError
 from ibrid.frozen import Frozen
 from ibrid.modules.kind import Range
+from ibrid.writing import PlainData
 
 #: Numbers of each kind of port element, per unit: reactance, susceptance and resistance at the
 #: nominal frequency.
@@ -103,7 +104,7 @@ class Outside(Frozen):
                 )
                 yield f"{PORT}.{number}", name, (box, element.tolerance)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> PlainData:
         """As a record keeps it."""
         elements = [
             {"kind": one.kind, **one.values, "tolerance": one.tolerance} for one in self.elements

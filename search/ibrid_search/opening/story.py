@@ -12,7 +12,7 @@ from typing import Any
 from ibrid.errors import IbridError
 from ibrid.foreign_data import json_in
 from ibrid.frozen import Frozen
-from ibrid.writing import inside, write_json
+from ibrid.writing import PlainData, inside, write_json
 
 SCHEMA = "ibrid.open/1"
 STORY = "story.json"
@@ -62,7 +62,7 @@ class OpeningStory(Frozen):
     held_out: Mapping[str, Any] = field(default_factory=dict)
     settings: Mapping[str, Any] = field(default_factory=dict)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> PlainData:
         """Return the story in the format `ibrid.open/1`."""
         content = json.loads(json.dumps({"schema": SCHEMA, **asdict(self)}))
         return {**content, "hash": _hash_of(content)}

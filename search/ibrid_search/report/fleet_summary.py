@@ -12,6 +12,7 @@ from ibrid.errors import IbridError
 from ibrid.foreign_text import csv_text
 from ibrid.frozen import Frozen
 from ibrid.report.pages.template import page
+from ibrid.writing import PlainData
 from ibrid_search.archives.prior import (
     BELIEVED,
     TRUSTED,
@@ -94,7 +95,7 @@ class Summary:
         """How many devices are explained how well."""
         return Counter(one.grade for one in self.devices if one.grade)
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> PlainData:
         """The fleet as a whole; a line a device is in the table."""
         families = [
             {

@@ -16,6 +16,7 @@ from ibrid.evaluation.record import Record
 from ibrid.foreign_data import json_in
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.writing import PlainData
 from ibrid_search.run.database import Database
 from ibrid_search.step import Status, Step
 
@@ -320,7 +321,7 @@ def step_of(row: tuple[Any, ...]) -> Step:
     return Step(**fields)
 
 
-def numbers_of(record: Mapping[str, Any] | None) -> dict[str, Any]:
+def numbers_of(record: Mapping[str, Any] | None) -> PlainData:
     """What a step repeats of the fields of its record; stable only when it is at every operating
     point.
     """

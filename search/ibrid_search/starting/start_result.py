@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from math import inf
-from typing import Any
 
 from ibrid.evaluation.grade import LEAST_UNKNOWN, Grade
 from ibrid.evaluation.record import Record
@@ -14,6 +13,7 @@ from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import textbook
+from ibrid.writing import PlainData
 
 #: Grades of a fit, the best first.
 GRADES = tuple(map(str, Grade))
@@ -176,7 +176,7 @@ class StartResult:
             what += ", fitted together with the sweep"
         return f"{what}: {'; '.join(errors)}."
 
-    def to_json(self) -> dict[str, Any]:
+    def to_json(self) -> PlainData:
         """Return the result in the format `ibrid.start/1`."""
         return {
             "schema": "ibrid.start/1",
@@ -190,7 +190,7 @@ class StartResult:
         }
 
 
-def _fit_to_json(fit: DiagramFit) -> dict[str, Any]:
+def _fit_to_json(fit: DiagramFit) -> PlainData:
     """Return an entry of the ranking in the format `ibrid.start/1`."""
     entry = {
         "diagram": fit.diagram,

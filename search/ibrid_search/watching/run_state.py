@@ -15,7 +15,7 @@ from ibrid.report.pages.page import record_facts
 from ibrid.report.pages.playback_page import facts_of_record
 from ibrid.report.pages.template import page
 from ibrid.structure.comparison.compare import difference
-from ibrid.writing import inside
+from ibrid.writing import PlainData, inside
 from ibrid_search.recursion.watcher import seconds_of
 from ibrid_search.report.run_data import measured, settings_of, whole_number
 from ibrid_search.run.database import is_being_written
@@ -41,7 +41,7 @@ _SUMMED = (
 )
 
 
-def run_state(folder: Path) -> dict[str, Any]:
+def run_state(folder: Path) -> PlainData:
     """How a run stands.
 
     `running` : a live process writes it; `stopping` : it was asked to stop; `ending` : "" before
@@ -87,7 +87,7 @@ def run_state(folder: Path) -> dict[str, Any]:
     }
 
 
-def _node(steps: Mapping[int, Step], number: int, known: set[int]) -> dict[str, Any]:
+def _node(steps: Mapping[int, Step], number: int, known: set[int]) -> PlainData:
     step = steps[number]
     return {
         "step": number,
@@ -107,7 +107,7 @@ def _seconds_left(meta: Mapping[str, str], points: Sequence[Point], budget: Any)
     return max(budget - len(points), 0) * seconds / len(points)
 
 
-def run_summary(folder: Path) -> dict[str, Any]:
+def run_summary(folder: Path) -> PlainData:
     """A run beside others: its state without the candidates, with `best_nrmse` and `curve`.
 
     `curve` : (evaluation, best NRMSE so far) where that falls. Raises IbridError where there is no

@@ -9,7 +9,7 @@ from ibrid.errors import IbridError
 from ibrid.modules.kind import ModuleKind
 from ibrid.report.facts.parameter_rows import parameter_rows
 from ibrid.structure.comparison.compare import difference
-from ibrid.writing import inside
+from ibrid.writing import PlainData, inside
 from ibrid_search.run.run_folder import ARCHIVE
 from ibrid_search.run.store import Store
 from ibrid_search.step import EVALUATED, Step
@@ -31,7 +31,7 @@ class Trials:
         self._read: dict[int, tuple[dict[str, Any], dict[str, str]]] = {}
         self._reading = threading.Lock()
 
-    def table(self) -> dict[str, Any]:
+    def table(self) -> PlainData:
         """`rows`, a mapping for each trial, `units`, parameter -> its unit, and `left_out`, how
         many trials of larger error there are.
 
