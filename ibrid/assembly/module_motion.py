@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from ibrid.assembly.interconnection import state_names
-from ibrid.assembly.signals_at_rest import Pair
+from ibrid.assembly.operating_point import Pair
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion, asked, motion

@@ -9,7 +9,8 @@ from typing import Any
 from ibrid.assembly.equilibrium import device_equilibria, paper_equilibria
 from ibrid.assembly.joined import Interconnected
 from ibrid.assembly.numbers import zero_of
-from ibrid.assembly.signals_at_rest import Pair, Parameters, matrices_of
+from ibrid.assembly.operating_point import Pair
+from ibrid.assembly.signals_at_rest import Parameters, matrices_of
 from ibrid.assembly.terminals import at_terminals, behind_terminals
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices

@@ -22,8 +22,8 @@ import numpy as np
 from ibrid.assembly.equilibrium import device_points, equilibria
 from ibrid.assembly.module_motion import Module, by_port, module_at
 from ibrid.assembly.numbers import is_zero
-from ibrid.assembly.operating_point import Parameters, add, plant_equilibrium
-from ibrid.assembly.signals_at_rest import Frame, Pair, matrices_of, to_frame
+from ibrid.assembly.operating_point import Pair, Parameters, add, plant_equilibrium
+from ibrid.assembly.signals_at_rest import Frame, matrices_of, to_frame
 from ibrid.assembly.terminals import Inner, Point, behind_terminals
 from ibrid.errors import IbridError
 from ibrid.modules.behaviour import Element

@@ -11,13 +11,13 @@ import casadi as ca
 
 from ibrid.assembly.known_at_rest import Carried
 from ibrid.assembly.numbers import is_zero, weighted_sum
+from ibrid.assembly.operating_point import Pair
 from ibrid.modules.kind import EQUILIBRIUM, Matrices, ModuleKind
 from ibrid.modules.large_signal import Motion, asked, dot, length, square_root
 from ibrid.modules.own_law import call_law
 from ibrid.structure.diagrams.diagram import TERMINAL_VOLTAGE
 from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, split_port
 
-Pair = tuple[Any, Any]
 Frame = tuple[Any, Any]  # cosine and sine of delta_eq
 Parameters = Mapping[str, Mapping[str, Any]]  # instance -> parameter -> float or symbol
 

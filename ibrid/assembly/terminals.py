@@ -14,13 +14,12 @@ from typing import Any
 
 from ibrid.assembly.joined import Interconnected
 from ibrid.assembly.numbers import is_zero, weighted_sum
-from ibrid.assembly.operating_point import add
+from ibrid.assembly.operating_point import Pair, add
+from ibrid.assembly.signals_at_rest import Parameters
 from ibrid.errors import DiagramError
 from ibrid.modules.large_signal import cosine, dot, length, reactive, sine, square_root
 from ibrid.structure.network.outside import LABEL, PORT, Outside
 
-Pair = tuple[Any, Any]
-Parameters = Mapping[str, Mapping[str, Any]]
 Point = tuple[Any, Any, Any]
 Row = dict[tuple[str, int], Any]
 #: Least resistance (pu) in series with a capacitor at the port: without it there is no state space

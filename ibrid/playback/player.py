@@ -53,6 +53,8 @@ KNOWN = 16
 Values = Mapping[str, float]
 Sets = Sequence[Values]
 _Orders = tuple[tuple[str, int], ...]
+#: Current, times of leaving and memory, as of `run`.
+Simulated = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +206,7 @@ def run(
     most: int = MOST_PARTS,
     deepest: int = DEEP,
     rule: Rule = ORDER_8,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> Simulated:
     """Current (N, 2, S) along signals (t -> (k,), the voltage first), the time (S,) at which each
     left, NaN if not, and the memory (k, S) at the end.
 
@@ -223,7 +225,7 @@ def run_in_fixed_steps(
     memory: np.ndarray,
     constants: np.ndarray,
     a: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> Simulated:
     """The same by one trapezoidal step from sample to even sample.
 
     a : (n, n) state matrix at rest.
@@ -237,7 +239,7 @@ def run_in_fixed_steps(
 
 def _simulated(
     steps: Any, tape: Tape, signals: CubicSpline, begin: Sequence[np.ndarray], *how: Any
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+) -> Simulated:
     """By compiled steps, from states, memory and constants; how : what these steps ask for."""
     code = (tape.once, tape.each, tape.rows, tape.results)
     lanes, spline = begin[0].shape[1], np.ascontiguousarray(signals.c)

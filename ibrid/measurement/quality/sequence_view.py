@@ -19,6 +19,8 @@ from ibrid.frozen import Frozen
 from ibrid.measurement.conventions.conversions import TO_SEQUENCE
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
+#: Multiple of f0 in dq -> ln|Z| there over that beside it, of both sequences.
+Peaks = dict[int, tuple[float, float]]
 #: ln|Z| at a multiple of f0 above the mean of its values a factor `BESIDE` below and above, from
 #: which on it is a peak.
 PEAK, BESIDE = 0.85, 1.6
@@ -42,7 +44,7 @@ class SequenceView(Frozen):
     """
 
     impedance: dict[str, np.ndarray]
-    peaks: dict[str, dict[int, tuple[float, float]]]
+    peaks: dict[str, Peaks]
     resistance: tuple[tuple[str, float, float, float], ...]
     sentences: tuple[str, ...]
 
@@ -68,9 +70,7 @@ def _seen(point: PointSweep) -> np.ndarray:
         return 1 / np.stack([y[:, 0, 0], y[:, 1, 1]], axis=1)
 
 
-def _peaks(
-    frequency: np.ndarray, impedance: np.ndarray, f0: float
-) -> dict[int, tuple[float, float]]:
+def _peaks(frequency: np.ndarray, impedance: np.ndarray, f0: float) -> Peaks:
     """Where the sweep has points between the multiple and both of its sides, or on it."""
     peaks = {}
     size, place = np.log(np.abs(impedance)), np.log(frequency)
@@ -90,7 +90,7 @@ def _peaks(
     return peaks
 
 
-def _of_peaks(peaks: dict[str, dict[int, tuple[float, float]]], f0: float) -> Iterator[str]:
+def _of_peaks(peaks: dict[str, Peaks], f0: float) -> Iterator[str]:
     for multiple in TUNED:
         rises = [found[multiple] for found in peaks.values() if multiple in found]
         if not rises:
