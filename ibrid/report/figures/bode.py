@@ -2,7 +2,7 @@
 point.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -241,26 +241,11 @@ def _dots(
         return True
     bar = BARS * point.sigma[(seen, *ENTRIES[entry])]
     look |= {"elinewidth": 0.9}
-    draw_bars(axes, frequency, (size, angle), bar, look)
-    return True
-
-
-def draw_bars(
-    axes: Sequence[Axes],
-    frequency: np.ndarray,
-    polar: tuple[np.ndarray, np.ndarray],
-    bar: np.ndarray,
-    look: Mapping[str, Any],
-) -> None:
-    """Magnitude and phase (degrees) of dots with error bars.
-
-    polar : both, (K,). bar : (K,) of real and imaginary part.
-    """
-    (magnitude, phase), (size, angle) = axes, polar
     magnitude.errorbar(frequency, size, yerr=np.stack([np.minimum(bar, 0.9 * size), bar]), **look)
     phase.errorbar(
         frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look
     )
+    return True
 
 
 def _arrays(shown: Sequence[Curves]) -> list[np.ndarray]:

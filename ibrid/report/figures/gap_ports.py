@@ -13,7 +13,6 @@ from ibrid.evaluation.adequacy import LEAST_P, NEGLIGIBLE
 from ibrid.gap.amplitudes.port_gain import PortGain
 from ibrid.gap.ports.missing_transfer import MissingTransfer
 from ibrid.gap.ports.port_map import PortFit
-from ibrid.report.figures.bode import draw_bars
 from ibrid.report.look.numbers import number
 from ibrid.report.look.style import INK, MUTED, SERIES_STAND_INS, Axes, plain_decades, series
 
@@ -101,7 +100,10 @@ def draw_missing(axes: Sequence[Axes], shown: MissingTransfer) -> None:
         "markerfacecolor": "none",
         "elinewidth": 0.9,
     }
-    draw_bars(axes, frequency, (size, angle), bar, look)
+    magnitude.errorbar(frequency, size, yerr=np.stack([np.minimum(bar, 0.9 * size), bar]), **look)
+    phase.errorbar(
+        frequency, angle, yerr=np.degrees(np.arcsin(np.minimum(bar / size, 1.0))), **look
+    )
     if shown.line is not None:
         turn = np.degrees(np.unwrap(np.angle(shown.line)))
         if seen.any():  # on the same sheet as the dots
