@@ -32,6 +32,8 @@ from ibrid.measurement.conventions.labels import Convention
 from ibrid.parts.editing.practice import Insertion
 from ibrid.structure.network.outside import LABEL
 
+#: Of each edit of a model, the models that compete for its place.
+Rivals = list[list[Model]]
 #: Edits at most; the form in which the device has its delays does not count.
 MOST_EDITS = 3
 #: The same where a fit takes long and single edits do not explain: each step takes a minute.
@@ -260,7 +262,7 @@ def _select_explaining(state: RepairState, models: list[Model]) -> Model | None:
 
 def repair(
     state: RepairState, given: Model, trials: list[Model], explained: Model | None = None
-) -> tuple[Model, list[list[Model]]]:
+) -> tuple[Model, Rivals]:
     """Select edits forward, then eliminate those that are not needed.
 
     Parameters
@@ -284,7 +286,7 @@ def repair(
 
 def eliminate_backward(
     state: RepairState, given: Model, best: Model, trials: list[Model]
-) -> tuple[Model, list[list[Model]]]:
+) -> tuple[Model, Rivals]:
     """Leave out edits that are not needed, and exchange one for a clearly better competitor.
 
     Returns what `repair` returns.
@@ -302,7 +304,7 @@ def eliminate_backward(
     return best, _find_rivals(state, given, best, trials)
 
 
-def _find_better_rival(state: RepairState, best: Model, rivals: list[list[Model]]) -> Model | None:
+def _find_better_rival(state: RepairState, best: Model, rivals: Rivals) -> Model | None:
     """Return the best stable competitor of one of several edits with a clearly lower BIC."""
     if len(best.edits) < 2:
         return None
@@ -578,9 +580,7 @@ def _is_needed(
     return needed and state.dataset.would_try_edit(remainder, edit)
 
 
-def _find_rivals(
-    state: RepairState, given: Model, best: Model, trials: list[Model]
-) -> list[list[Model]]:
+def _find_rivals(state: RepairState, given: Model, best: Model, trials: list[Model]) -> Rivals:
     """Return, for each edit of a model, what else could stand in its place beside the others.
 
     Effects by screening, the first of them by a quick refit from its values and those of the
@@ -591,7 +591,7 @@ def _find_rivals(
     is_slow = state.dataset.beam_width < 2
     if state.dataset.budget.is_exhausted() or (is_slow and not is_explained(state, best)):
         return [[] for _ in best.edits]  # nothing is named of it
-    rivals: list[list[Model]] = []
+    rivals: Rivals = []
     for place, edit in enumerate(best.edits):
         remainder = refit_without_edit(state.dataset, given, best, place)
         if remainder is None:

@@ -82,14 +82,14 @@ class _Problem:
             columns.append((side - here) * (constant.high - constant.low) / step)
         return np.stack(columns, axis=1)
 
-    def fitted(self, values: Values, free: Sequence[Constant], most: int) -> dict[str, float]:
+    def fitted(self, values: Values, free: Sequence[Constant], most: int) -> Values:
         """The values with `free` where the squares are least, of at most so many evaluations."""
         if not free:
             return dict(values)
         low = np.array([constant.low for constant in free])
         span = np.array([constant.high for constant in free]) - low
 
-        def at(x: np.ndarray) -> dict[str, float]:
+        def at(x: np.ndarray) -> Values:
             return {
                 **values,
                 **{
@@ -129,13 +129,13 @@ def fit_generic(
     return _answer(problem, best, free, scanned, unseen | dropped)
 
 
-def _flags_chosen(problem: _Problem, begin: dict[str, float]) -> dict[str, float]:
+def _flags_chosen(problem: _Problem, begin: Values) -> Values:
     """The values with the loops whose fit leaves least, then with each other flag at the choice
     whose fit leaves less.
     """
     flags = [flag for block in problem.model.blocks for flag in block.flags if flag.tried]
     loops = [flag for flag in flags if flag.loop]
-    answers: dict[bytes, dict[str, float]] = {}
+    answers: dict[bytes, Values] = {}
     for chosen in product(*(flag.choices for flag in loops)):
         named = zip((flag.name for flag in loops), map(float, chosen), strict=True)
         values = {**begin, **dict(named)}
@@ -153,9 +153,7 @@ def _flags_chosen(problem: _Problem, begin: dict[str, float]) -> dict[str, float
     return best
 
 
-def _better(
-    problem: _Problem, best: dict[str, float], start: dict[str, float], held_flags: bool
-) -> dict[str, float]:
+def _better(problem: _Problem, best: Values, start: Values, held_flags: bool) -> Values:
     """The values, or those that a short fit reaches from another start, where they leave less."""
     chosen = start if held_flags else _flags_chosen(problem, start)
     tried = problem.fitted(chosen, _shown(problem, chosen), SHORT)
@@ -170,8 +168,8 @@ def _shown(problem: _Problem, values: Values) -> list[Constant]:
 
 
 def _scan(
-    problem: _Problem, values: dict[str, float]
-) -> tuple[dict[str, float], dict[str, tuple[float, float]], dict[str, str]]:
+    problem: _Problem, values: Values
+) -> tuple[Values, dict[str, tuple[float, float]], dict[str, str]]:
     """The values with each threshold at the nearest of those that are as likely as the best,
     between which values that is, and why those are left that change nothing.
     """
@@ -193,8 +191,8 @@ def _scan(
 
 
 def _only_shown(
-    problem: _Problem, values: dict[str, float], begin: Values
-) -> tuple[dict[str, float], list[Constant], dict[str, str]]:
+    problem: _Problem, values: Values, begin: Values
+) -> tuple[Values, list[Constant], dict[str, str]]:
     """The values with what is not shown back at the start; what is left free; why each was left."""
     fitted = [constant for constant in problem.model.constants if constant.way == "fitted"]
     free, unseen = _shown(problem, values), {}
@@ -231,7 +229,7 @@ def _covariance(problem: _Problem, values: Values, free: Sequence[Constant]) -> 
 
 def _answer(
     problem: _Problem,
-    values: dict[str, float],
+    values: Values,
     free: Sequence[Constant],
     scanned: Mapping[str, tuple[float, float]],
     unseen: Mapping[str, str],

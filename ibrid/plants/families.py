@@ -23,8 +23,10 @@ from ibrid.plants.hybrid import HybridParameters, hybrid_dynamics
 from ibrid.plants.parallel import ParallelParameters, parallel_dynamics
 from ibrid.plants.true_program import true_program, true_values
 
+#: Of a diagram, by the names of its parameters.
+Values = dict[str, float]
 #: Values of a diagram by name, from the parameters of an inverter and omega_0.
-OfParameters = Callable[[Any, float], dict[str, float]]
+OfParameters = Callable[[Any, float], Values]
 
 
 @dataclass(frozen=True)
@@ -126,16 +128,16 @@ def _values(fields: Mapping[str, str], others: OfParameters) -> OfParameters:
     )
 
 
-def _of_cascade(m: GFMParameters, omega_0: float) -> dict[str, float]:
+def _of_cascade(m: GFMParameters, omega_0: float) -> Values:
     return {"e_decoupling.L": m.C_F, "decoupling.L": m.L_F, "damping.k": -m.k_damping}
 
 
-def _of_droop(m: DroopParameters, omega_0: float) -> dict[str, float]:
+def _of_droop(m: DroopParameters, omega_0: float) -> Values:
     droops = {"p_droop.k": -m.m_p, "q_droop.k": -m.m_q, "virtual_reactance.L": m.X_virtual}
     return _of_cascade(m, omega_0) | droops
 
 
-def _of_machine(m: VSMParameters, omega_0: float) -> dict[str, float]:
+def _of_machine(m: VSMParameters, omega_0: float) -> Values:
     """The swing equation is a low-pass of power and measured frequency, each with its gain."""
     damping = m.k_d + m.k_w
     return _of_cascade(m, omega_0) | {
@@ -147,13 +149,13 @@ def _of_machine(m: VSMParameters, omega_0: float) -> dict[str, float]:
     }
 
 
-def _of_hybrid(m: HybridParameters, omega_0: float) -> dict[str, float]:
+def _of_hybrid(m: HybridParameters, omega_0: float) -> Values:
     """The weights are within the gains of the PLL and the droop."""
     pll = {"pll.kP": m.weight * m.kP_pll, "pll.kI": m.weight * m.kI_pll}
     return pll | {"p_droop.k": -(1 - m.weight) * m.m_p, "decoupling.L": m.L_F}
 
 
-def _of_both(m: ParallelParameters, omega_0: float) -> dict[str, float]:
+def _of_both(m: ParallelParameters, omega_0: float) -> Values:
     """Those of `gfl_l_filter` and `gfm_droop`, each with its prefix."""
     following, forming = (
         true_values(m.following, omega_0),

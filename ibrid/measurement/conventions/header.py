@@ -22,6 +22,8 @@ from ibrid.ranges import require_in_range
 
 Unit = Literal["pu", "S", "ohm"]
 
+#: Key -> what it may be.
+Choices = Mapping[str, tuple[str, ...]]
 CHOICES: dict[str, tuple[str, ...]] = {
     "unit": ("pu", "S", "ohm"),
     "current": ("out", "in"),
@@ -114,7 +116,7 @@ def read_keys(
     comments: Iterable[tuple[int, str]],
     where: str,
     known: Iterable[str] = HEADER_KEYS,
-    choices: Mapping[str, tuple[str, ...]] = CHOICES,
+    choices: Choices = CHOICES,
 ) -> tuple[dict[str, str], tuple[str, ...]]:
     """The keys and the notes of comment lines.
 
@@ -163,9 +165,7 @@ def read_keys(
     return keys, tuple(one.removeprefix("note - ") for one in notes)  # as the writers mark them
 
 
-def _key_without_colon(
-    text: str, names: tuple[str, ...], choices: Mapping[str, tuple[str, ...]]
-) -> str:
+def _key_without_colon(text: str, names: tuple[str, ...], choices: Choices) -> str:
     """How a key with a value that it may have is written, where the colon lacks; "" for a note that
     begins with such a word.
     """
@@ -198,9 +198,7 @@ def header_of(keys: Mapping[str, object], where: str, notes: tuple[str, ...] = (
     return Header(**values_of(keys, where), notes=notes)
 
 
-def values_of(
-    keys: Mapping[str, object], where: str, choices: Mapping[str, tuple[str, ...]] = CHOICES
-) -> dict[str, Any]:
+def values_of(keys: Mapping[str, object], where: str, choices: Choices = CHOICES) -> dict[str, Any]:
     """Words and numbers of the keys that are given; other keys are left alone.
 
     SweepError when a value is out of range.

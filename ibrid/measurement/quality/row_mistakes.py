@@ -50,7 +50,11 @@ class Mistake:
     rank: int
 
 
-def mended(row: np.ndarray) -> Iterator[tuple[Mistake, np.ndarray]]:
+#: A mistake, and the row without it.
+Mended = tuple[Mistake, np.ndarray]
+
+
+def mended(row: np.ndarray) -> Iterator[Mended]:
     """Each mistake, and the row (4,) complex as it would be without it: of the whole row, of an
     entry, of a number.
     """
@@ -59,7 +63,7 @@ def mended(row: np.ndarray) -> Iterator[tuple[Mistake, np.ndarray]]:
         yield from _of_an_entry(row, k, name)
 
 
-def _of_the_row(row: np.ndarray) -> Iterator[tuple[Mistake, np.ndarray]]:
+def _of_the_row(row: np.ndarray) -> Iterator[Mended]:
     def of_all(words: str) -> Mistake:
         return Mistake(_NAMES, words, 0)
 
@@ -75,8 +79,8 @@ def _of_the_row(row: np.ndarray) -> Iterator[tuple[Mistake, np.ndarray]]:
         yield of_all(f"{what} exchanged"), row[list(order)]
 
 
-def _of_an_entry(row: np.ndarray, k: int, name: str) -> Iterator[tuple[Mistake, np.ndarray]]:
-    def instead(words: str, value: complex, rank: int) -> tuple[Mistake, np.ndarray]:
+def _of_an_entry(row: np.ndarray, k: int, name: str) -> Iterator[Mended]:
+    def instead(words: str, value: complex, rank: int) -> Mended:
         other = row.copy()
         other[k] = value
         return Mistake((name,), words, rank), other

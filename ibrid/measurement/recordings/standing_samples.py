@@ -6,6 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+#: First and last place of the samples of each run.
+Runs = list[tuple[int, int]]
 #: Words by which the remark is known again.
 STOOD = "the recorder stood still"
 #: What stands must have missed so many usual changes from row to row on its way, and be so many of
@@ -33,7 +35,7 @@ def describe_standing(
     return ()
 
 
-def _sentence(called: str, time: np.ndarray, stands: list[tuple[int, int]]) -> str:
+def _sentence(called: str, time: np.ndarray, stands: Runs) -> str:
     first, last = max(stands, key=lambda one: one[1] - one[0])
     verb = "stay" if " and " in called else "stays"
     more = f", and at {len(stands) - 1} more places" if len(stands) > 1 else ""
@@ -43,7 +45,7 @@ def _sentence(called: str, time: np.ndarray, stands: list[tuple[int, int]]) -> s
     )
 
 
-def _stands(time: np.ndarray, parts: Sequence[np.ndarray], f0_hz: float) -> list[tuple[int, int]]:
+def _stands(time: np.ndarray, parts: Sequence[np.ndarray], f0_hz: float) -> Runs:
     """First and last row of each stand of all the parts at once."""
     same = np.all([(np.diff(part) == 0).all(axis=0) for part in parts], axis=0)
     edges = np.flatnonzero(np.diff(np.concatenate([[False], same, [False]]).astype(int)))
@@ -68,7 +70,7 @@ def _stands(time: np.ndarray, parts: Sequence[np.ndarray], f0_hz: float) -> list
     return stands
 
 
-def _of_axes(same: np.ndarray, runs: list[tuple[int, int]]) -> list[tuple[int, int]]:
+def _of_axes(same: np.ndarray, runs: Runs) -> Runs:
     """The stands within a record of d and q of which nearly all other rows change."""
     long = [
         (first, last)
