@@ -307,6 +307,27 @@ def respond_with_derivatives(
 
 
 @njit(**OPTIONS)
+def _add_products(slope, residual, gradient, hessian):
+    """Add J'r to `gradient` (P,) and the lower triangle of J'J to `hessian` (P, P).
+
+    slope : J, (8, P). residual : r, (8,). The eight rows are written out, so that the compiler takes
+    neighbouring parameters at once.
+    """
+    for p in range(gradient.size):
+        j0, j1, j2, j3 = slope[0, p], slope[1, p], slope[2, p], slope[3, p]
+        j4, j5, j6, j7 = slope[4, p], slope[5, p], slope[6, p], slope[7, p]
+        for row in range(8):
+            gradient[p] += slope[row, p] * residual[row]
+        for q in range(p + 1):
+            hessian[p, q] += (
+                (j0 * slope[0, q] + j1 * slope[1, q])
+                + (j2 * slope[2, q] + j3 * slope[3, q])
+                + (j4 * slope[4, q] + j5 * slope[5, q])
+                + (j6 * slope[6, q] + j7 * slope[7, q])
+            )
+
+
+@njit(**OPTIONS)
 def normal_equations(
     values,
     derivatives,
@@ -333,20 +354,24 @@ def normal_equations(
     values : (S, nz). derivatives : (S, nd). delays : (S, size). line : (K,) complex, rad/s. data,
     weight : (K, 2, 2).
     excitation : from `excited`; Y is multiplied by it. most : (S,), beyond which a cost is of no
-    interest. Returns (S,), (S, P), (S, P, P); the cost is infinite where the model has no response,
+    interest.
+
+    Returns costs (S,), gradients (S, P), matrices (S, P, P), r (S, K, 8), real and imaginary part
+    of each entry in turn, and J (S, K, 8, P). The cost is infinite where the model has no response,
     or it is of no interest.
     """
     batch = values.shape[0]
     cost = np.zeros(batch)
     gradient = np.zeros((batch, parameters))
     hessian = np.zeros((batch, parameters, parameters))
+    residuals = np.zeros((batch, line.size, 8))
+    slopes = np.zeros((batch, line.size, 8, parameters))
     room = _room(size, rows.size, parameters)
     y, dy = room[4], room[6]
-    slopes = np.empty((8, parameters))
-    residual = np.empty(8)
     for start in range(batch):
         total = 0.0
         for index in range(line.size):
+            residual, slope = residuals[start, index], slopes[start, index]
             if not _respond(
                 values[start],
                 rows,
@@ -389,25 +414,19 @@ def normal_equations(
                 total += r.real * r.real + r.imag * r.imag
                 if with_gradient:
                     for p in range(parameters):
-                        slope = factor * dy[p, entry]
-                        slopes[2 * entry, p], slopes[2 * entry + 1, p] = slope.real, slope.imag
+                        weighted = factor * dy[p, entry]
+                        slope[2 * entry, p] = weighted.real
+                        slope[2 * entry + 1, p] = weighted.imag
             if not total <= most[start]:
                 total = np.inf
                 break
             if with_gradient:
-                for p in range(parameters):
-                    for row in range(8):
-                        gradient[start, p] += slopes[row, p] * residual[row]
-                    for q in range(p + 1):
-                        value = 0.0
-                        for row in range(8):
-                            value += slopes[row, p] * slopes[row, q]
-                        hessian[start, p, q] += value
+                _add_products(slope, residual, gradient[start], hessian[start])
         cost[start] = total if np.isfinite(total) else np.inf
         for p in range(parameters):
             for q in range(p):
                 hessian[start, q, p] = hessian[start, p, q]
-    return cost, gradient, hessian
+    return cost, gradient, hessian, residuals, slopes
 
 
 @cache

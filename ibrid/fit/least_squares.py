@@ -73,6 +73,17 @@ class SumOfSquares(Protocol):
         ...
 
 
+class CurvedSumOfSquares(SumOfSquares, Protocol):
+    """A sum of squared residuals whose curvature along a step is had at the cost of its residuals.
+    """
+
+    def projected(self, x: np.ndarray, points: Points) -> np.ndarray:
+        """Return J'r (S, P) of the residuals r at x (S, P) and the slopes J at points near by; not
+        a number where there is no response.
+        """
+        ...
+
+
 class Ending(IntEnum):
     """The reason for which a descent ended; NONE while it goes on."""
 
@@ -109,8 +120,11 @@ class Batch:
         return Batch(self.points.only(order), self.damping[order], self.ended[order])
 
 
-#: Factors on the damping after a successful and after a failed step.
-SHRINK, GROW = 5.0, 6.0
+#: Least factor on the damping after a successful step, and the factor after a failed one, which
+#: doubles with each further failure.
+SHRINK, GROW = 1.0 / 3.0, 2.0
+#: Part of a step at whose end the residuals are evaluated for their curvature.
+PROBED = 0.1
 #: Successful steps in a row with a negligible decrease, after which a descent has stalled.
 STALLED_STEPS = 3
 #: Change of every coordinate below which a step is none.
@@ -139,6 +153,7 @@ class Descent:
     enough: float = 0.0
     small: float = 0.0
     trusted: float = 1e-2
+    bend: float = 0.0
 
     def begin(self, model: SumOfSquares, x: np.ndarray) -> Batch:
         """Evaluate starts x (S, P), clipped to the bounds."""
@@ -167,34 +182,38 @@ class Descent:
         )
         damping, ended = batch.damping.copy(), batch.ended.copy()
         stalled = np.zeros(len(points.x), dtype=int)
+        growth = np.full(len(points.x), GROW)
         for _ in range(steps):
             heed_interrupt()
             active = np.flatnonzero(ended == Ending.NONE)
             if not active.size:
                 break
             now = points.only(active)
-            gradient, hessian = model.normal(now)
-            step = self._steps(now, gradient, hessian, damping[active], low, high)
+            system = self._damped(model, now, damping[active])
+            step = self._shortened(system.solve(-system.gradient))
+            promised = system.promised(step)
             if self.enough or self.small:
-                promised = -2.0 * (gradient * step).sum(axis=1) - np.einsum(
-                    "si,sij,sj->s", step, hessian, step
-                )
                 idle = (promised < self.enough * now.cost + self.small) & (
                     damping[active] <= self.trusted
                 )
                 ended[active[idle]] = Ending.NOT_WORTH
-                active, now, step = active[~idle], now.only(~idle), step[~idle]
-                if not active.size:
+                if idle.any():
                     continue
+            if self.bend:
+                step = self._bent(model, now, system, step)
             trial = model.at(np.clip(now.x + step, low, high), now)
             better = trial.cost < now.cost
-            gain = np.where(better, now.cost - trial.cost, 0.0)
             taken = active[better]
             kept = active[~better]
+            gain = np.where(better, now.cost - trial.cost, 0.0)
             for mine, new in zip(_arrays(points), _arrays(trial), strict=True):
                 mine[taken] = new[better]
-            damping[taken] = np.maximum(damping[taken] / SHRINK, self.least)
-            damping[kept] *= GROW
+            ratio = gain[better] / promised[better]
+            damping[taken] *= np.maximum(SHRINK, 1.0 - (2.0 * ratio - 1.0) ** 3)
+            damping[taken] = np.maximum(damping[taken], self.least)
+            growth[taken] = GROW
+            damping[kept] *= growth[kept]
+            growth[kept] *= 2.0
             stalling = np.where(gain < self.stall * now.cost, stalled[active] + 1, 0)
             stalled[active] = np.where(better, stalling, stalled[active])
             step_size = np.abs(trial.x - now.x).max(axis=1, initial=0.0)
@@ -204,16 +223,10 @@ class Descent:
             ended[active[points.cost[active] < self.floor]] = Ending.EXACT
         return Batch(points, damping, ended)
 
-    def _steps(
-        self,
-        now: Points,
-        gradient: np.ndarray,
-        hessian: np.ndarray,
-        damping: np.ndarray,
-        low: np.ndarray,
-        high: np.ndarray,
-    ) -> np.ndarray:
-        """Solve (H + D) h = -g for the steps h (S, P); coordinates fixed at a bound have none."""
+    def _damped(self, model: SumOfSquares, now: Points, damping: np.ndarray) -> "DampedSystem":
+        """Return (H + D) h = -g; coordinates at a bound beyond which the cost falls are held."""
+        low, high = model.box
+        gradient, hessian = model.normal(now)
         held = ((now.x <= low) & (gradient > 0)) | ((now.x >= high) & (gradient < 0))
         diagonal = np.where(held, 0.0, np.einsum("sii->si", hessian))
         if self.marquardt:
@@ -227,19 +240,61 @@ class Descent:
         matrix[held[:, :, None] | held[:, None, :]] = 0.0
         diagonal = np.einsum("sii->si", matrix)
         diagonal[held | ~(diagonal > 0)] = 1.0
-        right = np.where(held, 0.0, -gradient)
-        try:
-            step = np.linalg.solve(matrix, right[:, :, None])[:, :, 0]
-        except np.linalg.LinAlgError:  # one singular matrix; the others must not feel it
-            step = np.array(
-                [_solve_or_scale(*start) for start in zip(matrix, right, diagonal, strict=True)]
-            )
+        return DampedSystem(gradient, hessian, matrix, held)
+
+    def _shortened(self, step: np.ndarray) -> np.ndarray:
+        """Return steps (S, P) of at most `largest` in each coordinate."""
         longest = np.abs(step).max(axis=1, initial=0.0)
         return step * np.minimum(1.0, self.largest / np.maximum(longest, 1e-300))[:, None]
 
+    def _bent(
+        self, model: Any, now: Points, system: "DampedSystem", step: np.ndarray
+    ) -> np.ndarray:
+        """Return steps (S, P) with their geodesic acceleration, where it is small beside them.
+
+        The residuals at a tenth of the step give their second derivative along it,
+        r_vv ~ 2 ((r(x + t h) - r(x)) / t - J h) / t, of which J'r_vv is all that is needed.
+        """
+        low, high = model.box
+        probe = np.clip(now.x + PROBED * step, low, high)
+        change = (model.projected(probe, now) - system.gradient) / PROBED
+        along = np.einsum("sij,sj->si", system.hessian, step)
+        acceleration = 0.5 * system.solve(-2.0 / PROBED * (change - along))
+        size = np.linalg.norm(acceleration, axis=1)
+        usable = size <= self.bend * np.linalg.norm(step, axis=1)
+        return np.where(usable[:, None], step + acceleration, step)
+
+
+@dataclass(frozen=True, eq=False)
+class DampedSystem:
+    """Hold the linear systems (H + D) h = right of some starts.
+
+    gradient : g (S, P). hessian : H (S, P, P). matrix : H + D (S, P, P), where held coordinates have
+    no coupling. held : (S, P), True where a coordinate does not move.
+    """
+
+    gradient: np.ndarray
+    hessian: np.ndarray
+    matrix: np.ndarray
+    held: np.ndarray
+
+    def solve(self, right: np.ndarray) -> np.ndarray:
+        """Return h (S, P), none in held coordinates."""
+        right = np.where(self.held, 0.0, right)
+        try:
+            return np.linalg.solve(self.matrix, right[:, :, None])[:, :, 0]
+        except np.linalg.LinAlgError:  # one singular matrix; the others must not feel it
+            return np.array([*map(_solve_or_scale, self.matrix, right)])
+
+    def promised(self, step: np.ndarray) -> np.ndarray:
+        """Return the decrease (S,) of the cost that the quadratic model promises for steps."""
+        return -2.0 * (self.gradient * step).sum(axis=1) - np.einsum(
+            "si,sij,sj->s", step, self.hessian, step
+        )
+
 
 #: For coordinates that are logarithms, and residuals that are relative or whitened.
-LEVENBERG = Descent()
+LEVENBERG = Descent(bend=0.75)
 
 
 def carried(states: Iterable[Any]) -> tuple[np.ndarray]:
@@ -268,9 +323,9 @@ def _arrays(points: Points) -> tuple[np.ndarray, ...]:
     return points.x, points.cost, *points.carried
 
 
-def _solve_or_scale(matrix: np.ndarray, right: np.ndarray, diagonal: np.ndarray) -> np.ndarray:
+def _solve_or_scale(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solve one system; a singular one by its diagonal alone."""
     try:
         return np.linalg.solve(matrix, right)
     except np.linalg.LinAlgError:
-        return right / diagonal
+        return right / np.diag(matrix)

@@ -107,7 +107,8 @@ def fit(
     Solution or None
         None if no start has a response, for instance where no equilibrium exists.
     """
-    search = MultistartSearch(problem, drawer, twins, rng, settings)
+    thinned = problem.thinned(settings.frequencies)
+    search = MultistartSearch(thinned, drawer, twins, rng, settings)
     if warm:
         search.begin_from(warm)
     waves = 0
@@ -117,6 +118,8 @@ def fit(
     if not search.finished:
         return None
     search.hop()
+    if thinned is not problem:
+        search = search.continued(problem)
     best, equivalents = search.most_plausible()
     x, status, iterations = ipopt.solve(
         search.posterior, best, iterations=settings.ipopt_iterations
@@ -148,6 +151,7 @@ class MultistartSearch:
     ) -> None:
         self.problem = problem
         self.drawer = drawer
+        self.twins = twins
         self.rng = rng
         self.settings = settings
         self.logarithmic = Misfit(problem, "log")
@@ -159,6 +163,19 @@ class MultistartSearch:
         self.corners = twins.corners
         self.swaps = (*self.cascades, *self.corners)
         self.finished: list[LocalMinimum] = []
+
+    def continued(self, problem: Problem) -> "MultistartSearch":
+        """Return the search on more frequencies: its best minima, descended to convergence there,
+        and the others as they are.
+        """
+        search = MultistartSearch(problem, self.drawer, self.twins, self.rng, self.settings)
+        minima = sorted(self.finished, key=lambda minimum: minimum.error)
+        x = np.array([minimum.x for minimum in minima])
+        x[: self.settings.kept] = search._descend_to_convergence(x[: self.settings.kept]).x
+        for minimum, end, error in zip(minima, x, search._errors(x), strict=True):
+            if np.isfinite(error):
+                search.finished.append(LocalMinimum(end, float(error), minimum.wave))
+        return search
 
     @property
     def best(self) -> LocalMinimum:

@@ -6,17 +6,18 @@ vector x shared by the operating points, of which each takes its own part.
 """
 
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import casadi as ca
 import numpy as np
 
 from ibrid.assembly.symbolic import Pattern, SymbolicModel
 from ibrid.fit import kernel
-from ibrid.fit.least_squares import Points
+from ibrid.fit.least_squares import Points, carried
 from ibrid.fit.objective import Residual, residuals
+from ibrid.fit.thinning import telling_frequencies
 from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
 from ibrid.structure.reading.parameters import Parameter
 
@@ -82,6 +83,33 @@ class Coordinates:
         )
 
 
+#: Slopes of the residuals of one operating point by physical values, (8 K, P), and of those values
+#: by x, (P,).
+ScaledSlopes: TypeAlias = tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class NormalEquations:
+    """Hold the costs of starts, and what their sums of squares are made of.
+
+    cost : (S, M), squared error at each operating point; infinite where there is no response.
+    gradient, hessian : J'r (S, M, P) and J'J (S, M, P, P), by x. residuals : r (S, K, 8) of each
+    operating point. slopes : J of each start, by operating point. Without derivatives the last ones
+    are empty.
+    """
+
+    cost: np.ndarray
+    gradient: np.ndarray
+    hessian: np.ndarray
+    residuals: tuple[np.ndarray, ...]
+    slopes: tuple[tuple[ScaledSlopes, ...], ...]
+
+    @property
+    def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Return cost, gradient and hessian, summed over the operating points."""
+        return self.cost.sum(axis=1), self.gradient.sum(axis=1), self.hessian.sum(axis=1)
+
+
 class Problem:
     """Model and data, ready to be evaluated for many parameter vectors: of the diagram it keeps
     numbers alone.
@@ -96,14 +124,13 @@ class Problem:
     """
 
     def __init__(self, model: SymbolicModel, points: Sequence[PointSweep]) -> None:
-        self.points = tuple(points)
         self.parameters = model.parameters
         self.pattern: Pattern = model.pattern
         self.states = len(model.states)
         self.numbers: list[FreeNumber] = []
-        self.index = np.zeros((len(self.points), len(model.parameters)), dtype=np.int64)
+        self.index = np.zeros((len(points), len(model.parameters)), dtype=np.int64)
         for local, parameter in enumerate(model.parameters):
-            for point in range(len(self.points)):
+            for point in range(len(points)):
                 if point == 0 or parameter.local:
                     self.numbers.append(FreeNumber(parameter, point if parameter.local else None))
                 self.index[point, local] = len(self.numbers) - 1
@@ -114,12 +141,7 @@ class Problem:
             every if np.array_equal(one, whole) else (one, one[:, None], one) for one in self.index
         ]
         self.coordinates = Coordinates([one.parameter for one in self.numbers])
-        self.line = [np.ascontiguousarray(point.line) for point in self.points]
-        self._excitation = [kernel.excited(point.excitation, point.line) for point in self.points]
-        self.data = [np.ascontiguousarray(point.admittance, dtype=complex) for point in self.points]
-        self._fields = [
-            np.array([one.op.p, one.op.q, one.op.v], dtype=float) for one in self.points
-        ]
+        self._take(points)
         values, derivatives = len(self.pattern.rows), len(self.pattern.derivative_entry)
         self._entries = _Caller(model.entries, len(model.parameters), (values, derivatives))
         self._values = _Caller(model.values_only, len(model.parameters), (values,))
@@ -132,9 +154,24 @@ class Problem:
             ** -2.0
         )
 
-    @cached_property
-    def _residuals(self) -> dict[str, list[Residual]]:
-        return {}
+    def _take(self, points: Sequence[PointSweep]) -> None:
+        """Take the measured operating points."""
+        self.points = tuple(points)
+        self.line = [np.ascontiguousarray(point.line) for point in points]
+        self._excitation = [kernel.excited(point.excitation, point.line) for point in points]
+        self.data = [np.ascontiguousarray(point.admittance, dtype=complex) for point in points]
+        self._fields = [np.array([one.op.p, one.op.q, one.op.v], dtype=float) for one in points]
+        self._residuals: dict[str, list[Residual]] = {}
+
+    def thinned(self, frequencies: int) -> "Problem":
+        """Return the problem on so many frequencies of each operating point at most
+        (`ibrid.fit.thinning`); itself where no point has half as many again.
+        """
+        if all(len(point.frequency) < 1.5 * frequencies for point in self.points):
+            return self
+        thinned = copy(self)
+        thinned._take([one.at(telling_frequencies(one, frequencies)) for one in self.points])
+        return thinned
 
     def residuals(self, objective: str) -> list[Residual]:
         """Weights of every operating point under an objective."""
@@ -144,20 +181,44 @@ class Problem:
 
     def costs(self, x: np.ndarray, objective: str) -> np.ndarray:
         """Squared error of each start at each operating point: x (S, P) -> (S, M)."""
-        return self._evaluate(x, objective, False)[0]
+        return self._evaluate(x, objective, False).cost
 
     def normal_equations(
         self, x: np.ndarray, objective: str, most: np.ndarray | None = None
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Costs (S, M), gradients (S, M, P) and Gauss-Newton matrices (S, M, P, P) by x.
+    ) -> "NormalEquations":
+        """Costs with their derivatives by x (S, P).
 
         most : (S,), total costs beyond which one is of no interest, and infinite.
         """
         return self._evaluate(x, objective, True, most)
 
+    def projected(
+        self, x: np.ndarray, objective: str, slopes: Sequence[tuple[ScaledSlopes, ...]]
+    ) -> np.ndarray:
+        """Return J'r (S, P) of the residuals r at x (S, P) and of slopes J taken elsewhere.
+
+        slopes : `NormalEquations.slopes`. Not a number where there is no response.
+        """
+        found = self._evaluate(x, objective, False)
+        product = self._held(objective) * len(self.points) * (x - self.typical)
+        for start, by_point in enumerate(slopes):
+            for residual, index, (slope, scale) in zip(
+                found.residuals, self.index, by_point, strict=True
+            ):
+                product[start, index] += residual[start].ravel() @ slope * scale
+        product[~np.isfinite(found.cost.sum(axis=1))] = np.nan
+        return product
+
+    def _held(self, objective: str) -> np.ndarray:
+        """Return the weight (P,) of what is known beforehand in the cost of one operating point."""
+        if objective == "chi2":
+            return self.hold / len(self.points)
+        noise = 1.0 if objective == "sigma" else KNOWN_NOISE
+        return self.hold / measured_numbers(self.points) * noise
+
     def _evaluate(
         self, x: np.ndarray, objective: str, derivatives: bool, most: np.ndarray | None = None
-    ):
+    ) -> "NormalEquations":
         pattern, starts, local = self.pattern, len(x), len(self.parameters)
         theta_all = self.coordinates.to_theta(x)
         slope_all = self.coordinates.slope(theta_all) if derivatives else None
@@ -168,23 +229,18 @@ class Problem:
             if derivatives
             else np.zeros(0)
         )
+        residuals: list[np.ndarray] = []
+        slopes: list[list[ScaledSlopes]] = []
         self.evaluations += starts
-        held = self.hold / len(self.points)
-        if objective != "chi2":
-            held = (
-                self.hold
-                / measured_numbers(self.points)
-                * (1.0 if objective == "sigma" else KNOWN_NOISE)
-            )
+        held = self._held(objective)
         caller = self._entries if derivatives else self._values
         for m, weights in enumerate(self.residuals(objective)):
             index, row, column = self._places[m]
             theta = np.ascontiguousarray(theta_all[:, index])
             outputs = caller(theta, self._fields[m])
-            slopes = outputs[1] if derivatives else np.zeros((starts, 0))
             part = kernel.normal_equations(
                 outputs[0],
-                slopes,
+                outputs[1] if derivatives else np.zeros((starts, 0)),
                 pattern.rows,
                 pattern.columns,
                 pattern.derivative_entry,
@@ -202,16 +258,21 @@ class Problem:
                 np.full(starts, np.inf) if most is None else most - cost.sum(axis=1),
             )
             cost[:, m] = part[0]
+            residuals.append(part[3])
             if slope_all is not None:
                 scale = slope_all[:, index]
                 gradient[:, m, index] = part[1] * scale
                 hessian[:, m, row, column] = part[2] * scale[:, :, None] * scale[:, None, :]
+                rows = part[4].reshape(starts, 8 * len(self.line[m]), local)
+                slopes.append([*zip(rows, scale, strict=True)])
             if held.any():
                 cost[:, m] += (held * (x - self.typical) ** 2).sum(axis=1)
                 if slope_all is not None:
                     gradient[:, m] += held * (x - self.typical)
                     hessian[:, m, range(self.size), range(self.size)] += held
-        return cost, gradient, hessian
+        return NormalEquations(
+            cost, gradient, hessian, tuple(residuals), tuple(zip(*slopes, strict=True))
+        )
 
     def responses(self, x: np.ndarray) -> list[np.ndarray]:
         """What each operating point measured: x (P,) -> list of (K, 2, 2)."""
@@ -321,26 +382,34 @@ class Misfit:
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P); a cost beyond that of the point near by is infinite."""
         most = None if near is None else near.cost
-        parts = self.problem.normal_equations(x, self.objective, most)
-        cost, gradient, hessian = (part.sum(axis=1) for part in parts)
+        equations = self.problem.normal_equations(x, self.objective, most)
+        cost, gradient, hessian = equations.sums
         if self.believed is not None:
             pull, down, curved = self.believed.penalty_terms(x)
             cost += self._scale * pull
             gradient += self._scale * down
             np.einsum("sii->si", hessian)[:] += self._scale * curved
         cost[~np.isfinite(cost)] = np.inf
-        return Points(x, cost, (gradient, hessian))
+        return Points(x, cost, (gradient, hessian, *carried(equations.slopes)))
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """g and H, which come with the cost."""
-        gradient, hessian = points.carried
+        gradient, hessian, _ = points.carried
         return gradient, hessian
 
+    def projected(self, x: np.ndarray, points: Points) -> np.ndarray:
+        """J'r (S, P) of the residuals at x (S, P) and the slopes J at points near by."""
+        product = self.problem.projected(x, self.objective, points.carried[2])
+        if self.believed is not None:
+            product += self._scale * self.believed.penalty_terms(x)[1]
+        return product
+
     def parts(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """As `Problem.normal_equations`; the last of the parts is what is believed, where anything
-        is.
+        """Cost (S, M), gradient (S, M, P) and Gauss-Newton matrix (S, M, P, P) by operating point;
+        the last part is what is believed, where anything is.
         """
-        cost, gradient, hessian = self.problem.normal_equations(x, self.objective)
+        equations = self.problem.normal_equations(x, self.objective)
+        cost, gradient, hessian = equations.cost, equations.gradient, equations.hessian
         if self.believed is None:
             return cost, gradient, hessian
         own = tuple(self._scale * part for part in self.believed.penalty_terms(x))

@@ -15,7 +15,7 @@ from ibrid.fit.objective import FINAL_OBJECTIVES
 _LEAST = {
     **dict.fromkeys(("restarts", "hops", "most_hops", "iterations", "ipopt_iterations"), 0),
     **dict.fromkeys(
-        ("starts", "kept", "kept_misfit", "agreeing", "kicked", "warm", "warm_kept", "descents"), 1
+        ("frequencies", "starts", "kept", "kept_misfit", "agreeing", "kicked", "warm", "warm_kept", "descents"), 1
     ),
 }
 #: Names of the budgets of work that every command with a budget takes.
@@ -37,8 +37,9 @@ class FitSettings:
     """How much effort a fit makes: everything is counted, so that the same fit ends at the same
     place on every machine.
 
-    `objective` : what is minimised in the end; None: `evaluate` chooses by the data. `starts` :
-    screened per wave.
+    `objective` : what is minimised in the end; None: `evaluate` chooses by the data. `frequencies`
+    : of each operating point at most, on which minima are looked for; the end takes all of them.
+    `starts` : screened per wave.
     `kept` : of them, those that descend. `halving` : (iterations, kept) per stage on the
     logarithmic residual.
     `restarts` : further waves at most. `agreeing` : finished starts within `agreement` (relative)
@@ -55,6 +56,7 @@ class FitSettings:
     """
 
     objective: str | None = None
+    frequencies: int = 24
     starts: int = 96
     kept: int = 8
     halving: tuple[tuple[int, int], ...] = ((8, 6), (8, 4))
