@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.evaluation.adequacy import is_adequate
 from ibrid.evaluation.errors_by_part import noise_floor
+from ibrid.fit.adequacy import is_adequate
 from ibrid.fit.identifiability import MODEL_FLOOR
 from ibrid.fit.objective import BAND_NAMES, band_index
 from ibrid.measurement.sweeps.noise import estimate_point

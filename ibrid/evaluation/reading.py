@@ -10,10 +10,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from math import log
 
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.grade import Grade
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.fit.settings import FitSettings
 from ibrid.measurement.conventions.frequency_base import USUAL as USUAL_FREQUENCIES
 from ibrid.measurement.conventions.labels import (

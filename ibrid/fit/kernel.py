@@ -310,8 +310,8 @@ def respond_with_derivatives(
 def _add_products(slope, residual, gradient, hessian):
     """Add J'r to `gradient` (P,) and the lower triangle of J'J to `hessian` (P, P).
 
-    slope : J, (8, P). residual : r, (8,). The eight rows are written out, so that the compiler takes
-    neighbouring parameters at once.
+    slope : J, (8, P). residual : r, (8,). The eight rows are written out, so that the compiler
+    takes neighbouring parameters at once.
     """
     for p in range(gradient.size):
         j0, j1, j2, j3 = slope[0, p], slope[1, p], slope[2, p], slope[3, p]

@@ -74,8 +74,7 @@ class SumOfSquares(Protocol):
 
 
 class CurvedSumOfSquares(SumOfSquares, Protocol):
-    """A sum of squared residuals whose curvature along a step is had at the cost of its residuals.
-    """
+    """A sum of squared residuals whose curvature along a step costs no more than its residuals."""
 
     def projected(self, x: np.ndarray, points: Points) -> np.ndarray:
         """Return J'r (S, P) of the residuals r at x (S, P) and the slopes J at points near by; not
@@ -269,8 +268,8 @@ class Descent:
 class DampedSystem:
     """Hold the linear systems (H + D) h = right of some starts.
 
-    gradient : g (S, P). hessian : H (S, P, P). matrix : H + D (S, P, P), where held coordinates have
-    no coupling. held : (S, P), True where a coordinate does not move.
+    gradient : g (S, P). hessian : H (S, P, P). matrix : H + D (S, P, P), where held coordinates
+    have no coupling. held : (S, P), True where a coordinate does not move.
     """
 
     gradient: np.ndarray

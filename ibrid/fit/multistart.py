@@ -2,7 +2,9 @@
 parameter sets, and Ipopt from the best minimum.
 
 1. Multistart: samples of the textbook ranges descend on ln(Y / data) by successive halving, the
-   survivors on the final objective. Batches ("waves") follow until enough of their minima agree.
+   survivors on the final objective. Batches ("waves") follow until one is exact, noise alone is
+   left, or enough of their minima agree. Where there are many frequencies, some of them serve
+   (`ibrid.fit.thinning`); the best minima descend on all.
 2. Basin hopping (Wales & Doye, J. Phys. Chem. A 101, 1997): perturbed copies of the best minimum
    descend again, until several rounds gain nothing. Only improvements are accepted.
 3. Exchanges of poles or zeros that leave the response (nearly) unchanged lead to equivalent
@@ -19,6 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ibrid.fit import ipopt
+from ibrid.fit.adequacy import LEAST_P, p_value
 from ibrid.fit.anchor import Decades, nearest
 from ibrid.fit.least_squares import LEVENBERG, Batch
 from ibrid.fit.objective import mean_error
@@ -26,6 +29,7 @@ from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
 from ibrid.fit.starts import TEXTBOOK_DECADES, StartDrawer
 from ibrid.fit.twins import Twins, twins_of
+from ibrid.measurement.sweeps.sweep import measured_numbers
 
 #: Relative difference of errors up to which two parameter sets are equivalent.
 TWIN_TOLERANCE = 1e-6
@@ -37,6 +41,10 @@ NEARLY_EXACT = 1e-4
 MORE_AGREEING = 2
 #: Minima of least error among which the maximum likelihood with the prior is looked for.
 LIKELY = 4
+#: Iterations of starts that fit poorly, after which it is asked again whether one of them fits.
+SLICE = 16
+#: Waves that a fit takes at least, unless it is exact.
+LEAST_WAVES = 2
 #: Iterations of a perturbed copy, after which the best of them go on to convergence.
 HOP_ITERATIONS = 12
 #: Share of the coordinates that a hop perturbs: from the first to the last copy.
@@ -188,6 +196,15 @@ class MultistartSearch:
         return bool(self.finished) and self.best.error < self.settings.solved
 
     @property
+    def leaves_noise(self) -> bool:
+        """Return True if the best minimum leaves no more than the noise, where that is known."""
+        if self.final.noise is None:
+            return False
+        numbers = measured_numbers(self.problem.points)
+        chi2 = self.best.error**2 * numbers
+        return p_value(chi2, numbers - self.problem.size) > LEAST_P
+
+    @property
     def independent(self) -> list[LocalMinimum]:
         """Return the minima reached from multistart samples."""
         return [minimum for minimum in self.finished if minimum.wave is not None]
@@ -200,17 +217,21 @@ class MultistartSearch:
 
     @property
     def has_converged(self) -> bool:
-        """Return True if the fit is exact, or enough minima of at least two waves agree."""
+        """Return True if the fit is exact, or if after two waves noise alone is left or enough
+        minima of both agree.
+        """
         if not self.finished:
             return False
         if self.solved:
+            return True
+        if self.leaves_noise and len({minimum.wave for minimum in self.independent}) >= LEAST_WAVES:
             return True
         needed = self.settings.agreeing
         if self.best.error < NEARLY_EXACT:
             needed += MORE_AGREEING
         agreeing = self.agreeing
         agreeing_waves = {minimum.wave for minimum in agreeing}
-        return len(agreeing) >= needed and len(agreeing_waves) >= 2
+        return len(agreeing) >= needed and len(agreeing_waves) >= LEAST_WAVES
 
     def run_wave(self, number: int) -> None:
         """Run one batch of the multistart.
@@ -259,16 +280,21 @@ class MultistartSearch:
             total_iterations = sum(iterations for iterations, _ in settings.halving)
             more = LEVENBERG.go(model, all_starts, total_iterations)
             batch = more.best(settings.kept_misfit)
-        return LEVENBERG.go(model, batch, settings.iterations)
+        for _ in range(0, settings.iterations, SLICE):
+            batch = LEVENBERG.go(model, batch, SLICE)
+            if np.sqrt(batch.cost.min()) < settings.misfit:
+                batch = batch.best(settings.survivors)
+        return batch
 
     def hop(self) -> None:
-        """Perturb the best minimum and descend again, until `FitSettings.hops` rounds in a row gain
-        nothing (basin hopping).
+        """Perturb the best minimum and descend again, until several rounds in a row gain nothing
+        (basin hopping): fewer where noise alone is left.
         """
         settings = self.settings
         idle = 0  # rounds without gain
         for _ in range(settings.most_hops):
-            if idle >= settings.hops or self.solved:
+            enough = settings.hops_in_noise if self.leaves_noise else settings.hops
+            if idle >= enough or self.solved:
                 break
             before = self.best.error
             x = self._perturb(self.best.x, redistribute=idle % 2 == 1)

@@ -13,9 +13,22 @@ from ibrid.fit.objective import FINAL_OBJECTIVES
 
 #: Least value of each count.
 _LEAST = {
-    **dict.fromkeys(("restarts", "hops", "most_hops", "iterations", "ipopt_iterations"), 0),
     **dict.fromkeys(
-        ("frequencies", "starts", "kept", "kept_misfit", "agreeing", "kicked", "warm", "warm_kept", "descents"), 1
+        ("restarts", "hops", "hops_in_noise", "most_hops", "iterations", "ipopt_iterations"), 0
+    ),
+    **dict.fromkeys(
+        (
+            "frequencies",
+            "starts",
+            "kept",
+            "kept_misfit",
+            "agreeing",
+            "kicked",
+            "warm",
+            "warm_kept",
+            "descents",
+        ),
+        1,
     ),
 }
 #: Names of the budgets of work that every command with a budget takes.
@@ -47,7 +60,7 @@ class FitSettings:
     below which the fit is finished.
     `misfit` : above this the structure probably cannot fit, and more starts are carried to the end.
     `hops` : rounds without gain, in which `kicked` copies of the best answer get some coordinates
-    moved or redrawn, that end a fit;
+    moved or redrawn, that end a fit; `hops_in_noise` : of those where noise alone is left;
     `most_hops` : rounds at most, with gain or without. `iterations` : steps of a descent at most.
     `ipopt_iterations` : of Ipopt at the end. `warm`, `warm_kept` : draws of the numbers that known
     values lack, and how many of them descend.
@@ -67,6 +80,7 @@ class FitSettings:
     solved: float = 1e-7
     misfit: float = 0.03
     hops: int = 4
+    hops_in_noise: int = 2
     most_hops: int = 40
     kicked: int = 32
     warm: int = 24
@@ -97,6 +111,11 @@ class FitSettings:
         return "nrmse" if self.objective is None else self.objective
 
     @property
+    def survivors(self) -> int:
+        """How many starts of a wave are left where one of them fits."""
+        return self.halving[-1][1] if self.halving else self.kept
+
+    @property
     def effort(self) -> str:
         """The name of this much effort, "own" where it has none."""
         named = (
@@ -110,9 +129,9 @@ class FitSettings:
 #: The effort of a fit by its name.
 FIT_EFFORTS: Mapping[str, FitSettings] = MappingProxyType(
     {
-        "low": FitSettings(starts=64, restarts=1, hops=1, kicked=16, descents=1),
+        "low": FitSettings(starts=64, restarts=1, hops=1, hops_in_noise=1, kicked=16, descents=1),
         "normal": FitSettings(),
-        "high": FitSettings(restarts=12, agreeing=5, hops=8, descents=6),
+        "high": FitSettings(restarts=12, agreeing=5, hops=8, hops_in_noise=8, descents=6),
     }
 )
 

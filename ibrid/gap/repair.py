@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.grade import CLOSE as CLOSE_TO_NOISE
 from ibrid.evaluation.reading import is_usual
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.gap.datasets.dataset import Dataset
 from ibrid.gap.delay_forms import fit_other_delay_forms
 from ibrid.gap.edit_removal import drop_lost_forms, refit_without_edit

@@ -13,10 +13,10 @@ from typing import Any, Unpack
 
 from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.labels import Convention

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.stats import chi2, f
 
-from ibrid.evaluation.adequacy import LEAST_P, NEGLIGIBLE, is_adequate, p_value, share_explained
+from ibrid.fit.adequacy import LEAST_P, NEGLIGIBLE, is_adequate, p_value, share_explained
 
 
 def test_few_numbers_are_judged_by_their_significance() -> None:

@@ -110,12 +110,12 @@ def test_while_the_error_is_gross_nothing_is_looked_at(one_edit_away):
 def test_with_known_noise_a_free_number_must_gain_what_information_asks():
     exact = study().sweep
     noisy = add_noise(exact, 40.0, rng=np.random.default_rng(0))
-    invisible = Draft(TRUTH, study().kinds)
-    invisible.bind("plant", L_F=0.15)  # with the scale of the inner loop
     for sweep, price in ((exact, PARAMETER_COST), (noisy, log(8 * 32) / (2 * 8 * 32))):
-        context = context_of(
-            TRUTH, record=ibrid.evaluate(TRUTH, sweep), study=replace(study(), sweep=sweep)
-        )
+        record = ibrid.evaluate(TRUTH, sweep)
+        context = context_of(TRUTH, record=record, study=replace(study(), sweep=sweep))
+        invisible = Draft(TRUTH, study().kinds)
+        fitted = next(iter(record.parameters.values()))
+        invisible.bind("plant", L_F=fitted["plant.L_F"])  # not visible beside the inner loop
         assert look(TRUTH, context) - look(invisible.diagram(), context) == pytest.approx(
             price, rel=0.02
         )

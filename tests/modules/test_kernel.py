@@ -86,7 +86,7 @@ def test_a_singular_or_unreal_model_has_no_response_and_an_infinite_cost(bad):
     found = kernel.respond(values, rows, columns, lags, omega, 1)
     assert not np.isfinite(found).any()
     nothing = np.zeros(0, dtype=np.int64)
-    cost, _, _ = kernel.normal_equations(
+    cost, *_ = kernel.normal_equations(
         values[None],
         np.zeros((1, 0)),
         rows,
@@ -135,14 +135,16 @@ def test_derivatives_in_paper_mode_equal_central_differences(name):
         sum(one.point is not None for one in problem.numbers) == 6
     )  # E0d, I0d, delta_eq at each of two points
     x = drawn(problem, np.random.default_rng(4))[0]
-    cost, gradient, _ = problem.normal_equations(x[None], "relative")
+    equations = problem.normal_equations(x[None], "relative")
     for index in range(problem.size):
         move = 1e-6 * np.eye(problem.size)[index]
         difference = (
             problem.costs((x + move)[None], "relative")
             - problem.costs((x - move)[None], "relative")
         ) / 4e-6
-        np.testing.assert_allclose(gradient[0, :, index], difference[0], atol=1e-6 * cost.max())
+        np.testing.assert_allclose(
+            equations.gradient[0, :, index], difference[0], atol=1e-6 * equations.cost.max()
+        )
 
 
 @pytest.mark.slow
@@ -151,26 +153,37 @@ def test_derivatives_in_paper_mode_equal_central_differences(name):
 def test_normal_equations_equal_the_dense_products(name, objective):
     problem, _ = problem_of(ibrid.textbook(name), benchmark())
     x = drawn(problem, np.random.default_rng(5), 3)
-    cost, gradient, hessian = problem.normal_equations(x, objective)
+    equations = problem.normal_equations(x, objective)
+    cost, gradient, hessian = equations.cost, equations.gradient, equations.hessian
+    elsewhere = drawn(problem, np.random.default_rng(6), 3)
+    projected = problem.projected(elsewhere, objective, equations.slopes)
     np.testing.assert_allclose(problem.costs(x, objective), cost, rtol=1e-12)
     for start in range(len(x)):
         responses, jacobians = problem.responses(x[start]), problem.jacobians(x[start])
+        others, product = problem.responses(elsewhere[start]), np.zeros(problem.size)
         for m, weights in enumerate(problem.residuals(objective)):
             data = problem.points[m].admittance
             if weights.logarithmic:
                 r = weights.weight * np.log(responses[m] / data)
+                other = weights.weight * np.log(others[m] / data)
                 j = (weights.weight / responses[m])[..., None] * jacobians[m]
             else:
                 r = weights.weight * (responses[m] - data)
+                other = weights.weight * (others[m] - data)
                 j = weights.weight[..., None] * jacobians[m]
             r = np.concatenate([r.real.ravel(), r.imag.ravel()])
+            other = np.concatenate([other.real.ravel(), other.imag.ravel()])
             j = np.concatenate([j.real.reshape(-1, problem.size), j.imag.reshape(-1, problem.size)])
+            product += j.T @ other
             scale = np.linalg.norm(j) ** 2
             np.testing.assert_allclose(cost[start, m], r @ r, rtol=1e-9)
             np.testing.assert_allclose(
                 gradient[start, m], j.T @ r, atol=1e-9 * np.linalg.norm(j) * np.linalg.norm(r)
             )
             np.testing.assert_allclose(hessian[start, m], j.T @ j, atol=1e-9 * scale)
+        np.testing.assert_allclose(
+            projected[start], product, rtol=1e-9, atol=1e-9 * np.abs(product).max()
+        )
 
 
 def test_a_batch_gives_what_its_members_give_alone():
@@ -178,9 +191,8 @@ def test_a_batch_gives_what_its_members_give_alone():
     x = drawn(problem, np.random.default_rng(6), 5)
     whole = problem.normal_equations(x, "log")
     for index in range(len(x)):
-        for part, alone in zip(
-            whole, problem.normal_equations(x[index : index + 1], "log"), strict=True
-        ):
+        single = problem.normal_equations(x[index : index + 1], "log")
+        for part, alone in zip(whole.sums, single.sums, strict=True):
             np.testing.assert_allclose(
                 part[index], alone[0], rtol=0, atol=VECTORS * np.abs(alone[0]).max()
             )
@@ -194,7 +206,9 @@ def test_a_cost_beyond_that_of_the_point_near_by_is_infinite_and_the_others_stay
     near = Points(x, free.cost * np.array([2.0, 0.5, 1.01, 0.99]))
     held = misfit.at(x, near)
     assert np.array_equal(np.isinf(held.cost), [False, True, False, True])
-    for part, own in zip((held.cost, *held.carried), (free.cost, *free.carried), strict=True):
+    for part, own in zip(
+        (held.cost, *misfit.normal(held)), (free.cost, *misfit.normal(free)), strict=True
+    ):
         np.testing.assert_allclose(
             part[[0, 2]], own[[0, 2]], rtol=0, atol=VECTORS * np.abs(own[[0, 2]]).max()
         )
@@ -205,11 +219,12 @@ def test_a_start_without_an_operating_point_costs_infinity_and_leaves_the_others
     x = drawn(problem, np.random.default_rng(7), 2, decades=0.1)
     names = [one.name for one in problem.numbers]
     x[0, names.index("plant.L_g")] = np.log(0.99)  # p = 1 does not pass through L_g = 0.99
-    cost, gradient, hessian = problem.normal_equations(x, "nrmse")
-    assert np.isinf(cost[0]).all()
-    assert np.isfinite(cost[1]).all()
-    assert np.isfinite(gradient[1]).all()
-    assert np.isfinite(hessian[1]).all()
+    equations = problem.normal_equations(x, "nrmse")
+    assert np.isinf(equations.cost[0]).all()
+    assert np.isfinite(equations.cost[1]).all()
+    assert np.isfinite(equations.gradient[1]).all()
+    assert np.isfinite(equations.hessian[1]).all()
+    assert np.isnan(problem.projected(x, "nrmse", equations.slopes)[0]).all()
 
 
 @pytest.mark.parametrize(

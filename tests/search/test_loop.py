@@ -33,7 +33,7 @@ from scripted_search import (
 )
 
 from ibrid.errors import IbridError
-from ibrid.evaluation.adequacy import BETTER
+from ibrid.fit.adequacy import BETTER
 
 
 @pytest.fixture

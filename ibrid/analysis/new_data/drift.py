@@ -25,8 +25,8 @@ from scipy.special import chdtri
 from ibrid.analysis.several_devices.collector import Collector
 from ibrid.analysis.several_devices.freed_fits import FreedFit, FreedFits, PlantFits, fits_of
 from ibrid.errors import IbridError
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.gap.results.gap import Gap
 from ibrid.gap.workflow import find_gap
 from ibrid.measurement.recordings.events import Events

@@ -18,8 +18,8 @@ from ibrid.analysis.models.parametric import ParametricModel, uncertainty
 from ibrid.analysis.several_devices.collector import Collector
 from ibrid.analysis.several_devices.collector_model import CollectorCoordinates, CollectorModel
 from ibrid.errors import IbridError
-from ibrid.evaluation.adequacy import is_adequate, p_value
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import is_adequate, p_value
 from ibrid.fit.least_squares import Descent, Ending, Points
 from ibrid.fit.problem import Coordinates, Problem
 from ibrid.gap.recordings.event_fitter import EventFitter

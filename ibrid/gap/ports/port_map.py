@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 
 from ibrid.errors import IbridError, near
-from ibrid.evaluation.adequacy import is_adequate, p_value
+from ibrid.fit.adequacy import is_adequate, p_value
 from ibrid.fit.problem import Problem
 from ibrid.fit.starts import high_frequency_seed
 from ibrid.gap.ports.open_port import OpenPort

@@ -12,7 +12,7 @@ from typing import Generic, TypeGuard, TypeVar
 import numpy as np
 from scipy.special import chdtri
 
-from ibrid.evaluation.adequacy import NEARLY_ALL, is_adequate, p_value, share_explained
+from ibrid.fit.adequacy import NEARLY_ALL, is_adequate, p_value, share_explained
 from ibrid.gap.refitting.noise import LEAST_UNKNOWN, Noise
 from ibrid.gap.refitting.prior import FAR
 from ibrid.measurement.conventions.labels import Convention

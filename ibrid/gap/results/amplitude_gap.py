@@ -5,7 +5,7 @@ ports at which the dependence may lie without one.
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.gap.amplitudes.amplitude_dataset import AmplitudeDataset
 from ibrid.gap.amplitudes.nonlinearity_fit import NonlinearityFit
 from ibrid.gap.amplitudes.port_gain import port_gain

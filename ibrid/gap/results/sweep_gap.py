@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.errors_by_part import mean_or_none, nrmse
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.grade import grade_of, misfit_of
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.gap.datasets.sweep_dataset import SweepDataset
 from ibrid.gap.delay_forms import find_allowed_delay_forms, unite_intervals
 from ibrid.gap.refitting.model import Model

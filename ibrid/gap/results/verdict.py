@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ibrid.evaluation.adequacy import EQUALLY_GOOD, share_explained
 from ibrid.evaluation.reading import is_usual
+from ibrid.fit.adequacy import EQUALLY_GOOD, share_explained
 from ibrid.gap.delay_forms import find_lost_forms
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.refitting.cross_validation import ValidationErrors

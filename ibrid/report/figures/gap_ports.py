@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
-from ibrid.evaluation.adequacy import LEAST_P, NEGLIGIBLE
+from ibrid.fit.adequacy import LEAST_P, NEGLIGIBLE
 from ibrid.gap.amplitudes.port_gain import PortGain
 from ibrid.gap.ports.missing_transfer import MissingTransfer
 from ibrid.gap.ports.port_map import PortFit

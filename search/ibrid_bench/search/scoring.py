@@ -15,9 +15,9 @@ from ibrid_search.selection.rivals import open_structures
 from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.measurement.sweeps.sweep import Sweep, measured_numbers
 from ibrid.structure.comparison.compare import compare
 from ibrid.structure.diagrams.diagram import Diagram

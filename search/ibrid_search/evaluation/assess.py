@@ -7,10 +7,10 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from types import MappingProxyType
 
-from ibrid.evaluation.adequacy import BETTER
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import BETTER
 from ibrid.fit.settings import FIT_EFFORTS, FitSettings
 from ibrid.gap.recordings.event_evaluation import evaluate_records
 from ibrid.measurement.sweeps.amplitudes import coarse

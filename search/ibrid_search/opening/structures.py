@@ -17,9 +17,9 @@ from pathlib import Path
 
 from ibrid.analysis.new_data.experiments import short_name
 from ibrid.errors import IbridError
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.frozen import Frozen
 from ibrid.gap.recordings.event_evaluation import fit_and_score
 from ibrid.gap.recordings.event_problem import build_event_problem

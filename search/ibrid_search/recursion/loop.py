@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from ibrid.errors import IbridError, UnfinishedError
-from ibrid.evaluation.adequacy import BETTER
+from ibrid.fit.adequacy import BETTER
 from ibrid.interrupts import heed_interrupt
 from ibrid.structure.diagrams.program import parse_program
 from ibrid.study import Study

@@ -4,8 +4,8 @@ one counter of a page.
 
 from collections.abc import Iterator, Mapping
 
-from ibrid.evaluation.adequacy import BETTER
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import BETTER
 from ibrid.report.look.numbers import error
 from ibrid_search.report.run_data import RunData
 from ibrid_search.run.trajectory import ROUNDING, Point

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from ibrid.errors import IbridError
-from ibrid.evaluation.adequacy import BETTER
+from ibrid.fit.adequacy import BETTER
 from ibrid.foreign_data import json_in
 from ibrid.schemas import breach
 from ibrid_search.run.trajectory import ROUNDING, best_step, eligible

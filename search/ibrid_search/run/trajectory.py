@@ -8,8 +8,8 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 
-from ibrid.evaluation.adequacy import BETTER
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import BETTER
 from ibrid.foreign_text import csv_text
 from ibrid_search.step import EVALUATED, Status, Step
 

@@ -7,10 +7,10 @@ identifiable, and each form shifts the other parameters.
 from dataclasses import replace
 from math import sqrt
 
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.evaluate import record_at
 from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.gap.delay_forms import unite_intervals
 from ibrid.parts.plant.delay_form import delay_forms
 from ibrid.study import Study

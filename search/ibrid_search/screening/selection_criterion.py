@@ -7,9 +7,9 @@ from math import inf, log, sqrt
 
 import numpy as np
 
-from ibrid.evaluation.adequacy import NEGLIGIBLE
 from ibrid.evaluation.outcome import reward
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import NEGLIGIBLE
 from ibrid.gap.recordings.evaluation_record import noise_nrmse
 from ibrid.gap.recordings.event_noise import estimate_event_noise
 from ibrid.measurement.sweeps.noise import estimate_point

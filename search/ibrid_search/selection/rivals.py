@@ -13,8 +13,8 @@ import numpy as np
 
 from ibrid.analysis.models.prediction import predict
 from ibrid.errors import IbridError
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.gap.recordings.event_evaluation import fit_and_score
 from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.measurement.recordings.events import Events

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.evaluation.adequacy import EQUALLY_GOOD
 from ibrid.evaluation.errors_by_part import mean_or_none, nrmse
 from ibrid.evaluation.record import Record
+from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.measurement.sweeps.amplitudes import can_be_thinned, thinned
 from ibrid.measurement.sweeps.sweep import PointSweep
 from ibrid_search.evaluation.assess import Assessor
