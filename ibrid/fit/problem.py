@@ -399,7 +399,7 @@ class Misfit:
 
     def projected(self, x: np.ndarray, points: Points) -> np.ndarray:
         """J'r (S, P) of the residuals at x (S, P) and the slopes J at points near by."""
-        product = self.problem.projected(x, self.objective, points.carried[2])
+        product = self.problem.projected(x, self.objective, points.carried[2].tolist())
         if self.believed is not None:
             product += self._scale * self.believed.penalty_terms(x)[1]
         return product
