@@ -122,6 +122,9 @@ class Batch:
 #: Least factor on the damping after a successful step, and the factor after a failed one, which
 #: doubles with each further failure.
 SHRINK, GROW = 1.0 / 3.0, 2.0
+#: Length of an acceleration beside its step below which the next steps go without; and the decrease
+#: of the cost over the promised one below which they are probed again.
+NEARLY_STRAIGHT, AS_PROMISED = 0.05, 0.75
 #: Part of a step at whose end the residuals are evaluated for their curvature.
 PROBED = 0.1
 #: Successful steps in a row with a negligible decrease, after which a descent has stalled.
@@ -182,6 +185,7 @@ class Descent:
         damping, ended = batch.damping.copy(), batch.ended.copy()
         stalled = np.zeros(len(points.x), dtype=int)
         growth = np.full(len(points.x), GROW)
+        curved = np.ones(len(points.x), dtype=bool)
         for _ in range(steps):
             heed_interrupt()
             active = np.flatnonzero(ended == Ending.NONE)
@@ -196,10 +200,16 @@ class Descent:
                     damping[active] <= self.trusted
                 )
                 ended[active[idle]] = Ending.NOT_WORTH
-                if idle.any():
+                if idle.all():
                     continue
-            if self.bend:
-                step = self._bent(model, now, system, step)
+                active, now, system = active[~idle], now.only(~idle), system.only(~idle)
+                step, promised = step[~idle], promised[~idle]
+            if self.bend and curved[active].any():
+                probed = np.flatnonzero(curved[active])
+                step[probed], bent = self._bent(
+                    model, now.only(probed), system.only(probed), step[probed]
+                )
+                curved[active[probed]] = bent > NEARLY_STRAIGHT
             trial = model.at(np.clip(now.x + step, low, high), now)
             better = trial.cost < now.cost
             taken = active[better]
@@ -211,6 +221,8 @@ class Descent:
             damping[taken] *= np.maximum(SHRINK, 1.0 - (2.0 * ratio - 1.0) ** 3)
             damping[taken] = np.maximum(damping[taken], self.least)
             growth[taken] = GROW
+            curved[taken[ratio < AS_PROMISED]] = True
+            curved[kept] = True
             damping[kept] *= growth[kept]
             growth[kept] *= 2.0
             stalling = np.where(gain < self.stall * now.cost, stalled[active] + 1, 0)
@@ -248,8 +260,9 @@ class Descent:
 
     def _bent(
         self, model: Any, now: Points, system: "DampedSystem", step: np.ndarray
-    ) -> np.ndarray:
-        """Return steps (S, P) with their geodesic acceleration, where it is small beside them.
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Return steps (S, P) with their geodesic acceleration, where it is small beside them, and
+        the length (S,) of the acceleration over that of the step.
 
         The residuals at a tenth of the step give their second derivative along it,
         r_vv ~ 2 ((r(x + t h) - r(x)) / t - J h) / t, of which J'r_vv is all that is needed.
@@ -259,9 +272,9 @@ class Descent:
         change = (model.projected(probe, now) - system.gradient) / PROBED
         along = np.einsum("sij,sj->si", system.hessian, step)
         acceleration = 0.5 * system.solve(-2.0 / PROBED * (change - along))
-        size = np.linalg.norm(acceleration, axis=1)
-        usable = size <= self.bend * np.linalg.norm(step, axis=1)
-        return np.where(usable[:, None], step + acceleration, step)
+        length = np.maximum(np.linalg.norm(step, axis=1), 1e-300)
+        ratio = np.nan_to_num(np.linalg.norm(acceleration, axis=1) / length, nan=np.inf)
+        return np.where(ratio[:, None] <= self.bend, step + acceleration, step), ratio
 
 
 @dataclass(frozen=True, eq=False)
@@ -276,6 +289,11 @@ class DampedSystem:
     hessian: np.ndarray
     matrix: np.ndarray
     held: np.ndarray
+
+    def only(self, chosen: np.ndarray) -> "DampedSystem":
+        """Return the systems of some of the starts, by index or mask."""
+        parts = self.gradient, self.hessian, self.matrix, self.held
+        return DampedSystem(*(part[chosen] for part in parts))
 
     def solve(self, right: np.ndarray) -> np.ndarray:
         """Return h (S, P), none in held coordinates."""
@@ -292,8 +310,9 @@ class DampedSystem:
         )
 
 
-#: For coordinates that are logarithms, and residuals that are relative or whitened.
-LEVENBERG = Descent(bend=0.75)
+#: For coordinates that are logarithms, and residuals that are relative or whitened: short descents,
+#: and long ones to convergence, which follow curved valleys.
+LEVENBERG, GEODESIC = Descent(), Descent(bend=0.75)
 
 
 def carried(states: Iterable[Any]) -> tuple[np.ndarray]:

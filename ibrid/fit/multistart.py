@@ -23,7 +23,7 @@ import numpy as np
 from ibrid.fit import ipopt
 from ibrid.fit.adequacy import LEAST_P, p_value
 from ibrid.fit.anchor import Decades, nearest
-from ibrid.fit.least_squares import LEVENBERG, Batch
+from ibrid.fit.least_squares import GEODESIC, Batch
 from ibrid.fit.objective import mean_error
 from ibrid.fit.problem import Misfit, Problem
 from ibrid.fit.settings import FitSettings
@@ -33,13 +33,15 @@ from ibrid.measurement.sweeps.sweep import measured_numbers
 
 #: Relative difference of errors up to which two parameter sets are equivalent.
 TWIN_TOLERANCE = 1e-6
+#: Relative difference of errors up to which two descents ended in the same minimum.
+SAME_ERROR = 1e-5
 #: Difference of ln(gain) up to which two equivalent sets are the same minimum.
 SAME_MINIMUM = 0.3
 #: Error below which agreement of minima is weaker evidence, since the differences are rounding.
 NEARLY_EXACT = 1e-4
 #: Further minima that must agree below `NEARLY_EXACT`.
 MORE_AGREEING = 2
-#: Minima of least error among which the maximum likelihood with the prior is looked for.
+#: Separate minima of least error among which the maximum likelihood with the prior is looked for.
 LIKELY = 4
 #: Iterations of starts that fit poorly, after which it is asked again whether one of them fits.
 SLICE = 16
@@ -251,13 +253,13 @@ class MultistartSearch:
             return
         order = usable[np.argsort(costs[usable], kind="stable")]
         kept = x[order[: max(settings.kept, settings.kept_misfit)]]
-        batch = self._descend_by_halving(LEVENBERG.begin(self.logarithmic, kept))
+        batch = self._descend_by_halving(GEODESIC.begin(self.logarithmic, kept))
         self.converge(batch.x, number)
 
     def begin_from(self, warm: Sequence[Mapping[str, float]]) -> None:
         """Converge from known values of each operating point; missing parameters are sampled."""
         settings = self.settings
-        batch = LEVENBERG.begin(self.final, self.drawer.completed(self.rng, warm, settings.warm))
+        batch = GEODESIC.begin(self.final, self.drawer.completed(self.rng, warm, settings.warm))
         if np.isfinite(batch.cost).any():
             self.converge(batch.best(settings.warm_kept).x, None)
 
@@ -272,16 +274,16 @@ class MultistartSearch:
         all_starts = batch
         batch = batch.best(settings.kept)
         for iterations, kept in settings.halving:
-            batch = LEVENBERG.go(model, batch, iterations)
+            batch = GEODESIC.go(model, batch, iterations)
             if np.sqrt(batch.cost.min()) < settings.misfit:
                 batch = batch.best(kept)
         fits_poorly = np.sqrt(batch.cost.min()) >= settings.misfit
         if fits_poorly and len(all_starts.x) > settings.kept:
             total_iterations = sum(iterations for iterations, _ in settings.halving)
-            more = LEVENBERG.go(model, all_starts, total_iterations)
+            more = GEODESIC.go(model, all_starts, total_iterations)
             batch = more.best(settings.kept_misfit)
         for _ in range(0, settings.iterations, SLICE):
-            batch = LEVENBERG.go(model, batch, SLICE)
+            batch = GEODESIC.go(model, batch, SLICE)
             if np.sqrt(batch.cost.min()) < settings.misfit:
                 batch = batch.best(settings.survivors)
         return batch
@@ -298,9 +300,9 @@ class MultistartSearch:
                 break
             before = self.best.error
             x = self._perturb(self.best.x, redistribute=idle % 2 == 1)
-            batch = LEVENBERG.go(self.final, LEVENBERG.begin(self.final, x), HOP_ITERATIONS)
+            batch = GEODESIC.go(self.final, GEODESIC.begin(self.final, x), HOP_ITERATIONS)
             self._keep(
-                LEVENBERG.go(self.final, batch.best(settings.kept), settings.iterations), None
+                GEODESIC.go(self.final, batch.best(settings.kept), settings.iterations), None
             )
             idle = 0 if self.best.error < before * (1 - settings.agreement) else idle + 1
 
@@ -374,19 +376,31 @@ class MultistartSearch:
     def _likeliest(self) -> tuple[np.ndarray, list[np.ndarray]]:
         """Return the maximum a posteriori estimate (P,), and the equivalent sets.
 
-        With known noise: data and log-normal prior around typical values. Equivalent is what raises
+        With known noise: data and log-normal prior around typical values. The gains of a cascade
+        are redistributed too, since noise hides how they are shared. Equivalent is what raises
         chi2 by one at most, one standard deviation of a parameter.
         """
-        by_error = sorted(self.finished, key=lambda minimum: minimum.error)
-        minima = [minimum.x for minimum in by_error[:LIKELY]]
+        minima = [minimum.x for minimum in self._separate_minima(LIKELY)]
         exchanged = twins_of(self.problem.coordinates, self.swaps, minima[0])
-        starts = np.array([*minima, *exchanged])
-        best = self._descend_to_convergence(starts, self.posterior).best(1).x[0]
+        redistributed = self._perturb(minima[0], redistribute=True) if self.swaps else []
+        starts = np.array([*minima, *exchanged, *redistributed])
+        model, settings = self.posterior, self.settings
+        batch = GEODESIC.go(model, GEODESIC.begin(model, starts), HOP_ITERATIONS)
+        batch = GEODESIC.go(model, batch.best(settings.kept), settings.iterations)
+        best = batch.best(1).x[0]
         twins = self._twin_batch(best, self.posterior).x
         costs = self.problem.costs(
             np.concatenate([best[None], twins]), self.settings.minimised
         ).sum(axis=1)
         return best, list(twins[costs[1:] <= costs[0] + (self.final.noise or 0.0)])
+
+    def _separate_minima(self, number: int) -> list[LocalMinimum]:
+        """Return minima of least error, of several ends in the same one the first."""
+        separate: list[LocalMinimum] = []
+        for minimum in sorted(self.finished, key=lambda minimum: minimum.error):
+            if not separate or minimum.error > separate[-1].error * (1 + SAME_ERROR):
+                separate.append(minimum)
+        return separate[:number]
 
     def select_distinct(self, twins: list[np.ndarray], x: np.ndarray) -> tuple[np.ndarray, ...]:
         """Return the equivalent sets that differ from x (P,) in the exchanged parameters.
@@ -411,7 +425,7 @@ class MultistartSearch:
     def _descend_to_convergence(self, x: np.ndarray, misfit: Misfit | None = None) -> Batch:
         """Descend starts x (S, P), on the final objective unless another is given."""
         misfit = misfit or self.final
-        return LEVENBERG.go(misfit, LEVENBERG.begin(misfit, x), self.settings.iterations)
+        return GEODESIC.go(misfit, GEODESIC.begin(misfit, x), self.settings.iterations)
 
     def _errors(self, x: np.ndarray) -> np.ndarray:
         """Return the errors (S,) at x (S, P)."""
