@@ -199,14 +199,14 @@ class Problem:
 
         slopes : `NormalEquations.slopes`. Not a number where there is no response.
         """
-        found = self._evaluate(x, objective, False)
+        equations = self._evaluate(x, objective, False)
         product = self._held(objective) * len(self.points) * (x - self.typical)
         for start, by_point in enumerate(slopes):
             for residual, index, (slope, scale) in zip(
-                found.residuals, self.index, by_point, strict=True
+                equations.residuals, self.index, by_point, strict=True
             ):
                 product[start, index] += residual[start].ravel() @ slope * scale
-        product[~np.isfinite(found.cost.sum(axis=1))] = np.nan
+        product[~np.isfinite(equations.cost.sum(axis=1))] = np.nan
         return product
 
     def _held(self, objective: str) -> np.ndarray:
