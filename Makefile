@@ -12,7 +12,7 @@ ONE := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m pytest
 WORKERS := -n logical --maxprocesses 4 --dist loadfile
 TEST := $(ONE) $(WORKERS)
 
-.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all test-kernels nightly newcomer attack coverage bench bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs notebooks lint clean
+.PHONY: setup setup-llm setup-docs setup-consumers demo quick test test-all test-kernels nightly newcomer attack coverage bench bench-real bench-search bench-gap bench-hardware bench-baselines bench-inverters bench-learning bench-lm docs notebooks lint clean
 .DEFAULT_GOAL := setup
 
 setup: $(STAMP)
@@ -38,6 +38,10 @@ demo:
 
 bench: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.fit
+
+# two minutes: fits of the size that people have; make bench-real ARGS="--only gfm_droop" does a part
+bench-real: $(STAMP)
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.real_sizes $(ARGS)
 
 # The results that the pages in docs show lie in docs/measured; the page of a benchmark is made again, and what is missing
 # measured, by e.g. make bench-search ARGS="--out docs/measured/search --page docs/search_results.md".
