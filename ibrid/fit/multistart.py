@@ -55,7 +55,7 @@ HOP_SHARES = (0.15, 0.6)
 HOP_DEVIATION = 1.5
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LocalMinimum:
     """Hold the end of a descent: x (P,) and its error (`ibrid.fit.objective.mean_error`).
 
@@ -129,7 +129,10 @@ def fit(
         return None
     search.hop()
     if thinned is not problem:
+        problem.evaluations += thinned.evaluations
         search = search.continued(problem)
+        if not search.finished:
+            return None
     best, equivalents = search.most_plausible()
     x, status, iterations = ipopt.solve(
         search.posterior, best, iterations=settings.ipopt_iterations
@@ -175,13 +178,15 @@ class MultistartSearch:
         self.finished: list[LocalMinimum] = []
 
     def continued(self, problem: Problem) -> "MultistartSearch":
-        """Return the search on more frequencies: its best minima, descended to convergence there,
-        and the others as they are.
+        """Return the search on more frequencies: its best minima and those that agree with them,
+        descended to convergence there, and the others as they are.
         """
         search = MultistartSearch(problem, self.drawer, self.twins, self.rng, self.settings)
         minima = sorted(self.finished, key=lambda minimum: minimum.error)
+        wanted = [*minima[: self.settings.kept], *self.agreeing]
+        chosen = [index for index, minimum in enumerate(minima) if minimum in wanted]
         x = np.array([minimum.x for minimum in minima])
-        x[: self.settings.kept] = search._descend_to_convergence(x[: self.settings.kept]).x
+        x[chosen] = search._descend_to_convergence(x[chosen]).x
         for minimum, end, error in zip(minima, x, search._errors(x), strict=True):
             if np.isfinite(error):
                 search.finished.append(LocalMinimum(end, float(error), minimum.wave))

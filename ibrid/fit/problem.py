@@ -170,6 +170,7 @@ class Problem:
         if all(len(point.frequency) < 1.5 * frequencies for point in self.points):
             return self
         thinned = copy(self)
+        thinned.evaluations = 0
         thinned._take([one.at(telling_frequencies(one, frequencies)) for one in self.points])
         return thinned
 
