@@ -119,9 +119,11 @@ class Batch:
         return Batch(self.points.only(order), self.damping[order], self.ended[order])
 
 
-#: Least factor on the damping after a successful step, and the factor after a failed one, which
-#: doubles with each further failure.
-SHRINK, GROW = 1.0 / 3.0, 2.0
+#: Factors on the damping after a successful and after a failed step of a descent that is not bent.
+SHRINK, GROW = 5.0, 6.0
+#: Of one that is: the least factor after a successful step (Nielsen, IMM-REP-1999-05), and the
+#: factor after a failed one, which doubles with each further failure.
+LEAST_FACTOR, DOUBLE = 1.0 / 3.0, 2.0
 #: Length of an acceleration beside its step below which the next steps go without; and the decrease
 #: of the cost over the promised one below which they are probed again.
 NEARLY_STRAIGHT, AS_PROMISED = 0.05, 0.75
@@ -184,7 +186,7 @@ class Descent:
         )
         damping, ended = batch.damping.copy(), batch.ended.copy()
         stalled = np.zeros(len(points.x), dtype=int)
-        growth = np.full(len(points.x), GROW)
+        growth = np.full(len(points.x), DOUBLE)
         curved = np.ones(len(points.x), dtype=bool)
         for _ in range(steps):
             heed_interrupt()
@@ -218,13 +220,16 @@ class Descent:
             for mine, new in zip(_arrays(points), _arrays(trial), strict=True):
                 mine[taken] = new[better]
             ratio = gain[better] / promised[better]
-            damping[taken] *= np.maximum(SHRINK, 1.0 - (2.0 * ratio - 1.0) ** 3)
+            if self.bend:
+                damping[taken] *= np.maximum(LEAST_FACTOR, 1.0 - (2.0 * ratio - 1.0) ** 3)
+            else:
+                damping[taken] /= SHRINK
             damping[taken] = np.maximum(damping[taken], self.least)
-            growth[taken] = GROW
+            growth[taken] = DOUBLE
             curved[taken[ratio < AS_PROMISED]] = True
             curved[kept] = True
-            damping[kept] *= growth[kept]
-            growth[kept] *= 2.0
+            damping[kept] *= growth[kept] if self.bend else GROW
+            growth[kept] *= DOUBLE
             stalling = np.where(gain < self.stall * now.cost, stalled[active] + 1, 0)
             stalled[active] = np.where(better, stalling, stalled[active])
             step_size = np.abs(trial.x - now.x).max(axis=1, initial=0.0)
