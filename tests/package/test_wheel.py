@@ -22,7 +22,7 @@ ROOT = Path(__file__).resolve().parents[2]
 #: agents, what a page is evidence of. Then 6,000: gap written out, a step a line. Then 16,000:
 #: pages (8,000: trials and several runs on the live page, impedances, what is not explained,
 #: references in diagrams), forms of files, generic models fitted to events. Then 5,000: what
-#: recorders and laboratories write (5,300), descents along curved valleys on some of the frequencies
+#: recorders and laboratories write (5,300), descents along curved valleys, on some frequencies
 #: (1,600), clashes of files that change while they are read; 3,300 were taken out.
 NODES = 751_000
 #: What a script of the user's may be called without being in the way.
