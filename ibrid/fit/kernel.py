@@ -231,7 +231,7 @@ def answer(values, rows, columns, delays, s, excitation, size):
     """As `respond`, at s (K,) complex, rad/s, multiplied by what `excited` gives."""
     result = np.empty((s.size, 2, 2), dtype=np.complex128)
     room = _room(size, 0, 0)
-    y = room[4]
+    _, _, _, _, y, _, _ = room
     for index in range(s.size):
         if not _respond(values, rows, columns, delays, s[index], excitation[index], False, room):
             y[:, :] = np.nan
@@ -281,7 +281,7 @@ def respond_with_derivatives(
 ):
     """Answer (K, 2, 2) and its derivative (K, 2, 2, P) by the parameters of one model."""
     room = _room(size, rows.size, parameters)
-    y, dy = room[4], room[6]
+    _, _, _, _, y, _, dy = room
     response = np.empty((s.size, 2, 2), dtype=np.complex128)
     slope = np.empty((s.size, 2, 2, parameters), dtype=np.complex128)
     for index in range(s.size):
@@ -346,6 +346,7 @@ def normal_equations(
     parameters,
     with_gradient,
     most,
+    with_slopes,
 ):
     """Cost sum |r|^2, gradient J'r and Gauss-Newton matrix J'J of a batch at one operating point.
 
@@ -357,21 +358,23 @@ def normal_equations(
     interest.
 
     Returns costs (S,), gradients (S, P), matrices (S, P, P), r (S, K, 8), real and imaginary part
-    of each entry in turn, and J (S, K, 8, P). The cost is infinite where the model has no response,
-    or it is of no interest.
+    of each entry in turn, and J (S, K, 8, P), of no use unless `with_slopes`. The cost is infinite
+    where the model has no response, or it is of no interest.
     """
     batch = values.shape[0]
     cost = np.zeros(batch)
     gradient = np.zeros((batch, parameters))
     hessian = np.zeros((batch, parameters, parameters))
     residuals = np.zeros((batch, line.size, 8))
-    slopes = np.zeros((batch, line.size, 8, parameters))
+    slopes_kept = (batch, line.size) if with_slopes else (1, 1)
+    slopes = np.zeros((slopes_kept[0], slopes_kept[1], 8, parameters))
     room = _room(size, rows.size, parameters)
-    y, dy = room[4], room[6]
+    _, _, _, _, y, _, dy = room
     for start in range(batch):
         total = 0.0
         for index in range(line.size):
-            residual, slope = residuals[start, index], slopes[start, index]
+            residual = residuals[start, index]
+            slope = slopes[start, index] if with_slopes else slopes[0, 0]
             if not _respond(
                 values[start],
                 rows,
@@ -460,6 +463,7 @@ def load() -> None:
             1,
             with_gradient,
             np.ones(1),
+            False,
         )
     answer(values[0], rows, rows, delays[0], line, excitation, 1)
     respond_with_derivatives(

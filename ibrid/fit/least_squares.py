@@ -26,7 +26,7 @@ normal equations square the condition number of J. Directions with singular valu
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 import numpy as np
 
@@ -124,9 +124,6 @@ SHRINK, GROW = 5.0, 6.0
 #: Of one that is: the least factor after a successful step (Nielsen, IMM-REP-1999-05), and the
 #: factor after a failed one, which doubles with each further failure.
 LEAST_FACTOR, DOUBLE = 1.0 / 3.0, 2.0
-#: Length of an acceleration beside its step below which the next steps go without; and the decrease
-#: of the cost over the promised one below which they are probed again.
-NEARLY_STRAIGHT, AS_PROMISED = 0.05, 0.75
 #: Part of a step at whose end the residuals are evaluated for their curvature.
 PROBED = 0.1
 #: Successful steps in a row with a negligible decrease, after which a descent has stalled.
@@ -145,6 +142,11 @@ class Descent:
     step, at most. `floor` : cost below which the fit is exact. `stall` : relative decrease of the
     cost; `STALLED_STEPS` smaller ones in a row end the descent. `enough`, `small` : a step whose
     predicted decrease is below enough x cost + small ends it too, if lambda is at most `trusted`.
+
+    `bend` : length of a geodesic acceleration beside its step, at most, up to which it is added
+    (Transtrum & Sethna, arXiv:1201.5885); 0 for straight steps. With it lambda follows the gain
+    ratio: it is multiplied by max(`LEAST_FACTOR`, 1 - (2 ratio - 1)^3) after a successful step. It
+    asks for a `CurvedSumOfSquares`.
     """
 
     marquardt: bool = False
@@ -187,7 +189,6 @@ class Descent:
         damping, ended = batch.damping.copy(), batch.ended.copy()
         stalled = np.zeros(len(points.x), dtype=int)
         growth = np.full(len(points.x), DOUBLE)
-        curved = np.ones(len(points.x), dtype=bool)
         for _ in range(steps):
             heed_interrupt()
             active = np.flatnonzero(ended == Ending.NONE)
@@ -206,12 +207,8 @@ class Descent:
                     continue
                 active, now, system = active[~idle], now.only(~idle), system.only(~idle)
                 step, promised = step[~idle], promised[~idle]
-            if self.bend and curved[active].any():
-                probed = np.flatnonzero(curved[active])
-                step[probed], bent = self._bent(
-                    model, now.only(probed), system.only(probed), step[probed]
-                )
-                curved[active[probed]] = bent > NEARLY_STRAIGHT
+            if self.bend:
+                step = self._bent(cast(CurvedSumOfSquares, model), now, system, step)
             trial = model.at(np.clip(now.x + step, low, high), now)
             better = trial.cost < now.cost
             taken = active[better]
@@ -226,8 +223,6 @@ class Descent:
                 damping[taken] /= SHRINK
             damping[taken] = np.maximum(damping[taken], self.least)
             growth[taken] = DOUBLE
-            curved[taken[ratio < AS_PROMISED]] = True
-            curved[kept] = True
             damping[kept] *= growth[kept] if self.bend else GROW
             growth[kept] *= DOUBLE
             stalling = np.where(gain < self.stall * now.cost, stalled[active] + 1, 0)
@@ -264,10 +259,9 @@ class Descent:
         return step * np.minimum(1.0, self.largest / np.maximum(longest, 1e-300))[:, None]
 
     def _bent(
-        self, model: Any, now: Points, system: "DampedSystem", step: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Return steps (S, P) with their geodesic acceleration, where it is small beside them, and
-        the length (S,) of the acceleration over that of the step.
+        self, model: CurvedSumOfSquares, now: Points, system: "DampedSystem", step: np.ndarray
+    ) -> np.ndarray:
+        """Return steps (S, P) with their geodesic acceleration, where it is small beside them.
 
         The residuals at a tenth of the step give their second derivative along it,
         r_vv ~ 2 ((r(x + t h) - r(x)) / t - J h) / t, of which J'r_vv is all that is needed.
@@ -277,9 +271,8 @@ class Descent:
         change = (model.projected(probe, now) - system.gradient) / PROBED
         along = np.einsum("sij,sj->si", system.hessian, step)
         acceleration = 0.5 * system.solve(-2.0 / PROBED * (change - along))
-        length = np.maximum(np.linalg.norm(step, axis=1), 1e-300)
-        ratio = np.nan_to_num(np.linalg.norm(acceleration, axis=1) / length, nan=np.inf)
-        return np.where(ratio[:, None] <= self.bend, step + acceleration, step), ratio
+        usable = np.linalg.norm(acceleration, axis=1) <= self.bend * np.linalg.norm(step, axis=1)
+        return np.where(usable[:, None], step + acceleration, step)
 
 
 @dataclass(frozen=True, eq=False)

@@ -167,11 +167,11 @@ class MultistartSearch:
         self.twins = twins
         self.rng = rng
         self.settings = settings
-        self.logarithmic = Misfit(problem, "log")
-        self.final = Misfit(problem, settings.minimised)
+        self.logarithmic = Misfit(problem, "log", curved=True)
+        self.final = Misfit(problem, settings.minimised, curved=True)
         self.posterior = self.final  # with a prior only where the noise is known
         if self.final.noise:
-            self.posterior = Misfit(problem, settings.minimised, Decades(problem))
+            self.posterior = Misfit(problem, settings.minimised, Decades(problem), curved=True)
         self.cascades = twins.cascades
         self.corners = twins.corners
         self.swaps = (*self.cascades, *self.corners)

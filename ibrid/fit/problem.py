@@ -94,8 +94,7 @@ class NormalEquations:
 
     cost : (S, M), squared error at each operating point; infinite where there is no response.
     gradient, hessian : J'r (S, M, P) and J'J (S, M, P, P), by x. residuals : r (S, K, 8) of each
-    operating point. slopes : J of each start, by operating point. Without derivatives the last ones
-    are empty.
+    operating point. slopes : J of each start, by operating point. What was not asked for is empty.
     """
 
     cost: np.ndarray
@@ -185,13 +184,19 @@ class Problem:
         return self._evaluate(x, objective, False).cost
 
     def normal_equations(
-        self, x: np.ndarray, objective: str, most: np.ndarray | None = None
+        self,
+        x: np.ndarray,
+        objective: str,
+        most: np.ndarray | None = None,
+        *,
+        with_slopes: bool = False,
     ) -> "NormalEquations":
         """Costs with their derivatives by x (S, P).
 
-        most : (S,), total costs beyond which one is of no interest, and infinite.
+        most : (S,), total costs beyond which one is of no interest, and infinite. with_slopes :
+        keep J too, for `projected`.
         """
-        return self._evaluate(x, objective, True, most)
+        return self._evaluate(x, objective, True, most, with_slopes=with_slopes)
 
     def projected(
         self, x: np.ndarray, objective: str, slopes: Sequence[tuple[ScaledSlopes, ...]]
@@ -218,7 +223,13 @@ class Problem:
         return self.hold / measured_numbers(self.points) * noise
 
     def _evaluate(
-        self, x: np.ndarray, objective: str, derivatives: bool, most: np.ndarray | None = None
+        self,
+        x: np.ndarray,
+        objective: str,
+        derivatives: bool,
+        most: np.ndarray | None = None,
+        *,
+        with_slopes: bool = False,
     ) -> "NormalEquations":
         pattern, starts, local = self.pattern, len(x), len(self.parameters)
         theta_all = self.coordinates.to_theta(x)
@@ -257,6 +268,7 @@ class Problem:
                 local if derivatives else 0,
                 derivatives,
                 np.full(starts, np.inf) if most is None else most - cost.sum(axis=1),
+                with_slopes,
             )
             cost[:, m] = part[0]
             residuals.append(part[3])
@@ -264,8 +276,9 @@ class Problem:
                 scale = slope_all[:, index]
                 gradient[:, m, index] = part[1] * scale
                 hessian[:, m, row, column] = part[2] * scale[:, :, None] * scale[:, None, :]
-                rows = part[4].reshape(starts, 8 * len(self.line[m]), local)
-                slopes.append([*zip(rows, scale, strict=True)])
+                if with_slopes:
+                    rows = part[4].reshape(starts, 8 * len(self.line[m]), local)
+                    slopes.append([*zip(rows, scale, strict=True)])
             if held.any():
                 cost[:, m] += (held * (x - self.typical) ** 2).sum(axis=1)
                 if slope_all is not None:
@@ -371,10 +384,19 @@ class Misfit:
     Beliefs are in standard deviations, as chi2 is; beside a relative objective they weigh 1 /
     number of measured numbers.
     `noise` : chi2 of one in the total cost; None where the objective does not know the noise.
+    `curved` : the slopes at each point are kept, so that it is a `CurvedSumOfSquares`.
     """
 
-    def __init__(self, problem: Problem, objective: str, believed: Believed | None = None) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        objective: str,
+        believed: Believed | None = None,
+        *,
+        curved: bool = False,
+    ) -> None:
         self.problem, self.objective, self.believed = problem, objective, believed
+        self.curved = curved
         self.box = problem.coordinates.x_low, problem.coordinates.x_high
         number = measured_numbers(problem.points)
         self.noise = {"chi2": 1.0, "sigma": len(problem.points) / number}.get(objective)
@@ -383,7 +405,7 @@ class Misfit:
     def at(self, x: np.ndarray, near: Points | None = None) -> Points:
         """Evaluate x (S, P); a cost beyond that of the point near by is infinite."""
         most = None if near is None else near.cost
-        equations = self.problem.normal_equations(x, self.objective, most)
+        equations = self.problem.normal_equations(x, self.objective, most, with_slopes=self.curved)
         cost, gradient, hessian = equations.sums
         if self.believed is not None:
             pull, down, curved = self.believed.penalty_terms(x)
@@ -391,11 +413,12 @@ class Misfit:
             gradient += self._scale * down
             np.einsum("sii->si", hessian)[:] += self._scale * curved
         cost[~np.isfinite(cost)] = np.inf
-        return Points(x, cost, (gradient, hessian, *carried(equations.slopes)))
+        slopes = carried(equations.slopes) if self.curved else ()
+        return Points(x, cost, (gradient, hessian, *slopes))
 
     def normal(self, points: Points) -> tuple[np.ndarray, np.ndarray]:
         """g and H, which come with the cost."""
-        gradient, hessian, _ = points.carried
+        gradient, hessian, *_ = points.carried
         return gradient, hessian
 
     def projected(self, x: np.ndarray, points: Points) -> np.ndarray:

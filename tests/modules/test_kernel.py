@@ -104,6 +104,7 @@ def test_a_singular_or_unreal_model_has_no_response_and_an_infinite_cost(bad):
         0,
         True,
         np.full(1, np.inf),
+        True,
     )
     assert cost[0] == np.inf
 
@@ -153,7 +154,7 @@ def test_derivatives_in_paper_mode_equal_central_differences(name):
 def test_normal_equations_equal_the_dense_products(name, objective):
     problem, _ = problem_of(ibrid.textbook(name), benchmark())
     x = drawn(problem, np.random.default_rng(5), 3)
-    equations = problem.normal_equations(x, objective)
+    equations = problem.normal_equations(x, objective, with_slopes=True)
     cost, gradient, hessian = equations.cost, equations.gradient, equations.hessian
     elsewhere = drawn(problem, np.random.default_rng(6), 3)
     projected = problem.projected(elsewhere, objective, equations.slopes)
@@ -219,7 +220,7 @@ def test_a_start_without_an_operating_point_costs_infinity_and_leaves_the_others
     x = drawn(problem, np.random.default_rng(7), 2, decades=0.1)
     names = [one.name for one in problem.numbers]
     x[0, names.index("plant.L_g")] = np.log(0.99)  # p = 1 does not pass through L_g = 0.99
-    equations = problem.normal_equations(x, "nrmse")
+    equations = problem.normal_equations(x, "nrmse", with_slopes=True)
     assert np.isinf(equations.cost[0]).all()
     assert np.isfinite(equations.cost[1]).all()
     assert np.isfinite(equations.gradient[1]).all()
