@@ -124,7 +124,7 @@ def _multiply(matrix, other):
 
 
 @njit(**OPTIONS)
-def _room(size, entries, parameters):
+def _workspace(size, entries, parameters):
     """Arrays that every frequency fills anew: K and its pivots, L, R, Y; the outer products of L
     and R at the entries of M, and dY (parameters, 4).
     """
@@ -139,13 +139,13 @@ def _room(size, entries, parameters):
 
 
 @njit(**OPTIONS)
-def _respond(values, rows, columns, delays, s, excitation, derivative, room):
-    """Y at one s into `y` (2, 2) of a room; with `derivative` also L (2, size + 2) and R (size + 2,
-    2). False when singular.
+def _respond(values, rows, columns, delays, s, excitation, derivative, workspace):
+    """Y at one s into `y` (2, 2) of a workspace; with `derivative` also L (2, size + 2) and
+    R (size + 2, 2). False when singular.
 
     excitation : (2, 2), by which Y and R are multiplied; of no size: by nothing.
     """
-    k, pivots, left, right, y, _, _ = room
+    k, pivots, left, right, y, _, _ = workspace
     size = pivots.size
     k[:, :] = 0.0
     right[:, :] = 0.0
@@ -230,10 +230,12 @@ def excited(excitation, line):
 def answer(values, rows, columns, delays, s, excitation, size):
     """As `respond`, at s (K,) complex, rad/s, multiplied by what `excited` gives."""
     result = np.empty((s.size, 2, 2), dtype=np.complex128)
-    room = _room(size, 0, 0)
-    _, _, _, _, y, _, _ = room
+    workspace = _workspace(size, 0, 0)
+    _, _, _, _, y, _, _ = workspace
     for index in range(s.size):
-        if not _respond(values, rows, columns, delays, s[index], excitation[index], False, room):
+        if not _respond(
+            values, rows, columns, delays, s[index], excitation[index], False, workspace
+        ):
             y[:, :] = np.nan
         result[index] = y
     return result
@@ -241,10 +243,10 @@ def answer(values, rows, columns, delays, s, excitation, size):
 
 @njit(**OPTIONS)
 def _differentiate(
-    derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s, room
+    derivatives, rows, columns, d_entry, d_parameter, delay_parameter, delays, s, workspace
 ):
-    """The derivative of Y into `dy` of a room, from L and R."""
-    _, pivots, left, right, _, outer, dy = room
+    """The derivative of Y into `dy` of a workspace, from L and R."""
+    _, pivots, left, right, _, outer, dy = workspace
     dy[:, :] = 0.0
     for index in range(rows.size):
         i, j = rows[index], columns[index]
@@ -280,12 +282,14 @@ def respond_with_derivatives(
     parameters,
 ):
     """Answer (K, 2, 2) and its derivative (K, 2, 2, P) by the parameters of one model."""
-    room = _room(size, rows.size, parameters)
-    _, _, _, _, y, _, dy = room
+    workspace = _workspace(size, rows.size, parameters)
+    _, _, _, _, y, _, dy = workspace
     response = np.empty((s.size, 2, 2), dtype=np.complex128)
     slope = np.empty((s.size, 2, 2, parameters), dtype=np.complex128)
     for index in range(s.size):
-        if not _respond(values, rows, columns, delays, s[index], excitation[index], True, room):
+        if not _respond(
+            values, rows, columns, delays, s[index], excitation[index], True, workspace
+        ):
             response[index], slope[index] = np.nan, np.nan
             continue
         _differentiate(
@@ -297,7 +301,7 @@ def respond_with_derivatives(
             delay_parameter,
             delays,
             s[index],
-            room,
+            workspace,
         )
         response[index] = y
         for a in range(2):
@@ -368,8 +372,8 @@ def normal_equations(
     residuals = np.zeros((batch, line.size, 8))
     slopes_kept = (batch, line.size) if with_slopes else (1, 1)
     slopes = np.zeros((slopes_kept[0], slopes_kept[1], 8, parameters))
-    room = _room(size, rows.size, parameters)
-    _, _, _, _, y, _, dy = room
+    workspace = _workspace(size, rows.size, parameters)
+    _, _, _, _, y, _, dy = workspace
     for start in range(batch):
         total = 0.0
         for index in range(line.size):
@@ -383,7 +387,7 @@ def normal_equations(
                 line[index],
                 excitation[index],
                 with_gradient,
-                room,
+                workspace,
             ):
                 total = np.inf
                 break
@@ -397,7 +401,7 @@ def normal_equations(
                     delay_parameter,
                     delays[start],
                     line[index],
-                    room,
+                    workspace,
                 )
             for entry in range(4):
                 a, b = entry // 2, entry % 2

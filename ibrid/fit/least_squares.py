@@ -119,9 +119,9 @@ class Batch:
         return Batch(self.points.only(order), self.damping[order], self.ended[order])
 
 
-#: Factors on the damping after a successful and after a failed step of a descent that is not bent.
+#: Factors on the damping after a successful and after a failed step of a descent by straight steps.
 SHRINK, GROW = 5.0, 6.0
-#: Of one that is: the least factor after a successful step (Nielsen, IMM-REP-1999-05), and the
+#: Of one with acceleration: the least factor after a successful step (Nielsen, IMM-REP-1999-05), and the
 #: factor after a failed one, which doubles with each further failure.
 LEAST_FACTOR, DOUBLE = 1.0 / 3.0, 2.0
 #: Part of a step at whose end the residuals are evaluated for their curvature.
@@ -143,8 +143,8 @@ class Descent:
     cost; `STALLED_STEPS` smaller ones in a row end the descent. `enough`, `small` : a step whose
     predicted decrease is below enough x cost + small ends it too, if lambda is at most `trusted`.
 
-    `bend` : length of a geodesic acceleration beside its step, at most, up to which it is added
-    (Transtrum & Sethna, arXiv:1201.5885); 0 for straight steps. With it lambda follows the gain
+    `acceleration` : length of a geodesic acceleration over that of its step, up to which it is
+    added (Transtrum & Sethna, arXiv:1201.5885); 0 for straight steps. With it lambda follows the gain
     ratio: it is multiplied by max(`LEAST_FACTOR`, 1 - (2 ratio - 1)^3) after a successful step. It
     asks for a `CurvedSumOfSquares`.
     """
@@ -159,7 +159,7 @@ class Descent:
     enough: float = 0.0
     small: float = 0.0
     trusted: float = 1e-2
-    bend: float = 0.0
+    acceleration: float = 0.0
 
     def begin(self, model: SumOfSquares, x: np.ndarray) -> Batch:
         """Evaluate starts x (S, P), clipped to the bounds."""
@@ -207,8 +207,8 @@ class Descent:
                     continue
                 active, now, system = active[~idle], now.only(~idle), system.only(~idle)
                 step, promised = step[~idle], promised[~idle]
-            if self.bend:
-                step = self._bent(cast(CurvedSumOfSquares, model), now, system, step)
+            if self.acceleration:
+                step = self._accelerated(cast(CurvedSumOfSquares, model), now, system, step)
             trial = model.at(np.clip(now.x + step, low, high), now)
             better = trial.cost < now.cost
             taken = active[better]
@@ -217,13 +217,13 @@ class Descent:
             for mine, new in zip(_arrays(points), _arrays(trial), strict=True):
                 mine[taken] = new[better]
             ratio = gain[better] / promised[better]
-            if self.bend:
+            if self.acceleration:
                 damping[taken] *= np.maximum(LEAST_FACTOR, 1.0 - (2.0 * ratio - 1.0) ** 3)
             else:
                 damping[taken] /= SHRINK
             damping[taken] = np.maximum(damping[taken], self.least)
             growth[taken] = DOUBLE
-            damping[kept] *= growth[kept] if self.bend else GROW
+            damping[kept] *= growth[kept] if self.acceleration else GROW
             growth[kept] *= DOUBLE
             stalling = np.where(gain < self.stall * now.cost, stalled[active] + 1, 0)
             stalled[active] = np.where(better, stalling, stalled[active])
@@ -258,7 +258,7 @@ class Descent:
         longest = np.abs(step).max(axis=1, initial=0.0)
         return step * np.minimum(1.0, self.largest / np.maximum(longest, 1e-300))[:, None]
 
-    def _bent(
+    def _accelerated(
         self, model: CurvedSumOfSquares, now: Points, system: "DampedSystem", step: np.ndarray
     ) -> np.ndarray:
         """Return steps (S, P) with their geodesic acceleration, where it is small beside them.
@@ -270,9 +270,10 @@ class Descent:
         probe = np.clip(now.x + PROBED * step, low, high)
         change = (model.projected(probe, now) - system.gradient) / PROBED
         along = np.einsum("sij,sj->si", system.hessian, step)
-        acceleration = 0.5 * system.solve(-2.0 / PROBED * (change - along))
-        usable = np.linalg.norm(acceleration, axis=1) <= self.bend * np.linalg.norm(step, axis=1)
-        return np.where(usable[:, None], step + acceleration, step)
+        bend = 0.5 * system.solve(-2.0 / PROBED * (change - along))
+        longest = self.acceleration * np.linalg.norm(step, axis=1)
+        usable = np.linalg.norm(bend, axis=1) <= longest
+        return np.where(usable[:, None], step + bend, step)
 
 
 @dataclass(frozen=True, eq=False)
@@ -310,7 +311,7 @@ class DampedSystem:
 
 #: For coordinates that are logarithms, and residuals that are relative or whitened: short descents,
 #: and long ones to convergence, which follow curved valleys.
-LEVENBERG, GEODESIC = Descent(), Descent(bend=0.75)
+LEVENBERG, GEODESIC = Descent(), Descent(acceleration=0.75)
 
 
 def carried(states: Iterable[Any]) -> tuple[np.ndarray]:

@@ -203,7 +203,7 @@ class MultistartSearch:
         return bool(self.finished) and self.best.error < self.settings.solved
 
     @property
-    def leaves_noise(self) -> bool:
+    def residual_is_noise(self) -> bool:
         """Return True if the best minimum leaves no more than the noise, where that is known."""
         if self.final.noise is None:
             return False
@@ -231,7 +231,10 @@ class MultistartSearch:
             return False
         if self.solved:
             return True
-        if self.leaves_noise and len({minimum.wave for minimum in self.independent}) >= LEAST_WAVES:
+        if (
+            self.residual_is_noise
+            and len({minimum.wave for minimum in self.independent}) >= LEAST_WAVES
+        ):
             return True
         needed = self.settings.agreeing
         if self.best.error < NEARLY_EXACT:
@@ -300,7 +303,7 @@ class MultistartSearch:
         settings = self.settings
         idle = 0  # rounds without gain
         for _ in range(settings.most_hops):
-            enough = settings.hops_in_noise if self.leaves_noise else settings.hops
+            enough = settings.hops_in_noise if self.residual_is_noise else settings.hops
             if idle >= enough or self.solved:
                 break
             before = self.best.error

@@ -17,7 +17,7 @@ from ibrid.assembly.symbolic import Pattern, SymbolicModel
 from ibrid.fit import kernel
 from ibrid.fit.least_squares import Points, carried
 from ibrid.fit.objective import Residual, residuals
-from ibrid.fit.thinning import telling_frequencies
+from ibrid.fit.thinning import representative_frequencies
 from ibrid.measurement.sweeps.sweep import PointSweep, measured_numbers
 from ibrid.structure.reading.parameters import Parameter
 
@@ -140,7 +140,7 @@ class Problem:
             every if np.array_equal(one, whole) else (one, one[:, None], one) for one in self.index
         ]
         self.coordinates = Coordinates([one.parameter for one in self.numbers])
-        self._take(points)
+        self._set_data(points)
         values, derivatives = len(self.pattern.rows), len(self.pattern.derivative_entry)
         self._entries = _Caller(model.entries, len(model.parameters), (values, derivatives))
         self._values = _Caller(model.values_only, len(model.parameters), (values,))
@@ -153,8 +153,8 @@ class Problem:
             ** -2.0
         )
 
-    def _take(self, points: Sequence[PointSweep]) -> None:
-        """Take the measured operating points."""
+    def _set_data(self, points: Sequence[PointSweep]) -> None:
+        """Set the measured operating points."""
         self.points = tuple(points)
         self.line = [np.ascontiguousarray(point.line) for point in points]
         self._excitation = [kernel.excited(point.excitation, point.line) for point in points]
@@ -170,7 +170,9 @@ class Problem:
             return self
         thinned = copy(self)
         thinned.evaluations = 0
-        thinned._take([one.at(telling_frequencies(one, frequencies)) for one in self.points])
+        thinned._set_data(
+            [one.at(representative_frequencies(one, frequencies)) for one in self.points]
+        )
         return thinned
 
     def residuals(self, objective: str) -> list[Residual]:

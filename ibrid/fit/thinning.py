@@ -1,4 +1,4 @@
-"""Which frequencies of a measured admittance tell its shape: starts of a fit are searched on those,
+"""Representative frequencies of a measured admittance: starts of a fit are searched on those,
 and its end takes all of them.
 """
 
@@ -7,8 +7,8 @@ import numpy as np
 from ibrid.measurement.sweeps.sweep import PointSweep
 
 
-def telling_frequencies(point: PointSweep, number: int) -> np.ndarray:
-    """Return the indices (number,), ascending, of frequencies that tell the shape of an admittance.
+def representative_frequencies(point: PointSweep, number: int) -> np.ndarray:
+    """Return the indices (number,), ascending, of frequencies that represent an admittance.
 
     Half of them are spread evenly over the logarithm of frequency. The others are chosen one after
     the other where the curve is farthest from the straight line between its chosen neighbours

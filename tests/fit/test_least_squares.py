@@ -57,8 +57,8 @@ coordinates = st.floats(-2.0, 2.0)
 @given(coordinates, coordinates, st.sampled_from([1.0, 10.0, 100.0]))
 def test_a_descent_ends_at_the_minimum_of_a_curved_valley(first, second, b):
     model = CurvedValley(b)
-    batch = Descent(bend=0.75).begin(model, np.array([[first, second]]))
-    end = Descent(bend=0.75).go(model, batch, 1000)
+    batch = Descent(acceleration=0.75).begin(model, np.array([[first, second]]))
+    end = Descent(acceleration=0.75).go(model, batch, 1000)
     assert end.ended[0] == Ending.EXACT
     np.testing.assert_allclose(end.x[0], 1.0, atol=1e-5)
 
@@ -67,12 +67,12 @@ def test_geodesic_acceleration_takes_a_third_of_the_steps_along_a_curved_valley(
     model = CurvedValley(1000.0)
     starts = [np.array([-1.2, 1.0]), np.array([-2.0, 4.0]), np.array([2.0, 4.0])]
     straight = sum(steps_needed(Descent(), model, start) for start in starts)
-    bent = sum(steps_needed(Descent(bend=0.75), model, start) for start in starts)
+    bent = sum(steps_needed(Descent(acceleration=0.75), model, start) for start in starts)
     assert 3 * bent < straight
 
 
 def test_starts_of_a_batch_descend_as_they_do_alone():
-    model, descent = CurvedValley(10.0), Descent(bend=0.75)
+    model, descent = CurvedValley(10.0), Descent(acceleration=0.75)
     starts = np.array([[-1.2, 1.0], [2.0, -1.0], [0.5, 0.5]])
     together = descent.go(model, descent.begin(model, starts), 20)
     for index, start in enumerate(starts):
@@ -83,7 +83,7 @@ def test_starts_of_a_batch_descend_as_they_do_alone():
 def test_a_minimum_beyond_a_bound_is_looked_for_along_the_bound():
     model = CurvedValley(10.0)
     model.box = np.array([-5.0, -5.0]), np.array([0.5, 5.0])
-    end = Descent(bend=0.75).go(
-        model, Descent(bend=0.75).begin(model, np.array([[-1.0, 1.0]])), 500
+    end = Descent(acceleration=0.75).go(
+        model, Descent(acceleration=0.75).begin(model, np.array([[-1.0, 1.0]])), 500
     )
     np.testing.assert_allclose(end.x[0], [0.5, 0.25], atol=1e-6)

@@ -5,7 +5,7 @@ import pytest
 
 import ibrid
 from ibrid.fit.settings import FitSettings
-from ibrid.fit.thinning import telling_frequencies
+from ibrid.fit.thinning import representative_frequencies
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep
 
 OP = OperatingPoint("a", 0.5, 0.0, 1.0)
@@ -21,7 +21,7 @@ def resonant(frequency: np.ndarray, damping: float = 1e-3) -> PointSweep:
 
 def test_a_narrow_resonance_stays():
     frequency = np.sort(np.append(np.geomspace(2.0, 4000.0, 300), 777.0))
-    kept = frequency[telling_frequencies(resonant(frequency), 24)]
+    kept = frequency[representative_frequencies(resonant(frequency), 24)]
     assert len(kept) == 24
     assert 777.0 in kept
     assert kept[0] == frequency[0]
@@ -30,18 +30,18 @@ def test_a_narrow_resonance_stays():
 
 def test_the_whole_band_stays_covered():
     frequency = np.geomspace(2.0, 4000.0, 300)
-    kept = np.log10(frequency[telling_frequencies(resonant(frequency), 24)])
+    kept = np.log10(frequency[representative_frequencies(resonant(frequency), 24)])
     assert np.diff(kept).max() < 2.0 * (kept[-1] - kept[0]) / 11
 
 
 def test_few_frequencies_stay_as_they_are():
     point = resonant(np.geomspace(2.0, 4000.0, 20))
-    np.testing.assert_array_equal(telling_frequencies(point, 24), np.arange(20))
+    np.testing.assert_array_equal(representative_frequencies(point, 24), np.arange(20))
 
 
 def test_equal_frequencies_in_a_row_are_no_obstacle():
     point = resonant(np.linspace(100.0, 100.1, 60))
-    assert len(set(telling_frequencies(point, 24))) == 24
+    assert len(set(representative_frequencies(point, 24))) == 24
 
 
 @pytest.mark.slow
