@@ -121,8 +121,8 @@ class Batch:
 
 #: Factors on the damping after a successful and after a failed step of a descent by straight steps.
 SHRINK, GROW = 5.0, 6.0
-#: Of one with acceleration: the least factor after a successful step (Nielsen, IMM-REP-1999-05), and the
-#: factor after a failed one, which doubles with each further failure.
+#: Of one with acceleration: the least factor after a successful step (Nielsen, IMM-REP-1999-05),
+#: and the factor after a failed one, which doubles with each further failure.
 LEAST_FACTOR, DOUBLE = 1.0 / 3.0, 2.0
 #: Part of a step at whose end the residuals are evaluated for their curvature.
 PROBED = 0.1
@@ -144,9 +144,9 @@ class Descent:
     predicted decrease is below enough x cost + small ends it too, if lambda is at most `trusted`.
 
     `acceleration` : length of a geodesic acceleration over that of its step, up to which it is
-    added (Transtrum & Sethna, arXiv:1201.5885); 0 for straight steps. With it lambda follows the gain
-    ratio: it is multiplied by max(`LEAST_FACTOR`, 1 - (2 ratio - 1)^3) after a successful step. It
-    asks for a `CurvedSumOfSquares`.
+    added (Transtrum & Sethna, arXiv:1201.5885); 0 for straight steps. With it lambda follows the
+    gain ratio: it is multiplied by max(`LEAST_FACTOR`, 1 - (2 ratio - 1)^3) after a successful
+    step. It asks for a `CurvedSumOfSquares`.
     """
 
     marquardt: bool = False
