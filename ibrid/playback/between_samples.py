@@ -11,7 +11,6 @@ from functools import cached_property
 
 import numpy as np
 from scipy.linalg import expm
-from scipy.signal import fftconvolve
 from scipy.special import xlogy
 
 from ibrid.measurement.estimators.correlation import Correlated
@@ -320,6 +319,8 @@ def _summed(errors: np.ndarray, pulses: np.ndarray) -> np.ndarray:
     samples.
     """
     count, first = len(pulses), len(pulses) - len(errors)
+    from scipy.signal import fftconvolve  # half a second, for drawn edges alone
+
     variance = np.zeros((count, 2))
     for row in range(2):
         for column in range(2):

@@ -10,7 +10,6 @@ in it is left out, so that steps and swings stay.
 """
 
 import numpy as np
-from scipy.ndimage import convolve1d
 
 from ibrid.measurement.recordings.dq_pairs import to_complex, to_pairs
 
@@ -63,4 +62,6 @@ def smoothed(time: np.ndarray, v: np.ndarray, rest_end: float, f0_hz: float) -> 
 def _smooth(values: np.ndarray, apart: int) -> np.ndarray:
     weights = np.zeros(4 * apart + 1)
     weights[::apart] = np.array([1.0, 4.0, 6.0, 4.0, 1.0]) / 16.0
+    from scipy.ndimage import convolve1d  # slow to import, for recordings alone
+
     return convolve1d(values, weights, axis=0, mode="nearest")
