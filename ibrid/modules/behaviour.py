@@ -34,14 +34,14 @@ class Element(StrEnum):
     rational form, NOTCH of one frequency, PADE a delay's rational form (all-pass), SIGN -1;
     COUPLING J times a number and the nominal frequency, COUPLING_AT_FREQUENCY the same at a
     measured frequency. On the space vector: TURN by a constant angle, BAND_PASS of the fundamental,
-    POSITIVE_SEQUENCE without the negative one; RESONATOR on each axis, nothing at rest. Axes: PACK
-    two scalars to dq, SLICE_D and SLICE_Q back, MAGNITUDE of a dq vector. ZERO : a constant source.
-    Frames: ROTATION_IN from the grid's frame into the controller's, ROTATION_OUT back. Power: POWER
-    p and q of e and i. Synchronisation: PLL frequency and angle from e_q, FREQUENCY_METER the
-    frequency of a voltage, OSCILLATOR frequency and voltage from a voltage and a current. REFERENCE
-    of current from set-points of power and a voltage. Circuit: FILTER between converter and grid
-    (the plant), SHUNT beside it, CONVERTER_LOSS of voltage against a current, DC_LINK, SHARE of two
-    devices behind one PCC.
+    POSITIVE_SEQUENCE without the negative one; NEGATIVE_PI of the negative one alone; RESONATOR on
+    each axis, nothing at rest. Axes: PACK two scalars to dq, SLICE_D and SLICE_Q back, MAGNITUDE of
+    a dq vector. ZERO : a constant source. Frames: ROTATION_IN from the grid's frame into the
+    controller's, ROTATION_OUT back. Power: POWER p and q of e and i. Synchronisation: PLL frequency
+    and angle from e_q, FREQUENCY_METER the frequency of a voltage, OSCILLATOR frequency and voltage
+    from a voltage and a current. REFERENCE of current from set-points of power and a voltage.
+    Circuit: FILTER between converter and grid (the plant), SHUNT beside it, CONVERTER_LOSS of
+    voltage against a current, DC_LINK, SHARE of two devices behind one PCC.
     """
 
     GAIN = "gain"
@@ -74,6 +74,7 @@ class Element(StrEnum):
     BAND_PASS = "band-pass at the fundamental"
     POSITIVE_SEQUENCE = "positive-sequence filter"
     RESONATOR = "resonator"
+    NEGATIVE_PI = "PI regulator of the negative sequence"
     REFERENCE = "current reference from power"
     CONVERTER_LOSS = "converter loss"
 
@@ -301,7 +302,7 @@ def _in_line(kind: "ModuleKind") -> Element | None:
             return Element.TURN if _turns(d) and _near(d @ d.T, np.eye(len(d))) else None
         return Element.GAIN if law is not None else Element.COUPLING if _quarter_turn(d) else None
     if law is None:
-        return _of_sequence(kind) if kind.dc_gain == 1.0 else None
+        return _of_sequence(kind) if kind.dc_gain == 1.0 else _negative_pi(kind)
     if kind.dc_gain == 1.0:
         return _filter(kind, law)
     if kind.dc_gain == 0.0 and len(kind.states) == 2 * width(kind.inputs):
@@ -343,6 +344,18 @@ def _of_sequence(kind: "ModuleKind") -> Element | None:
         if abs(response[0, 0] + 1j * response[1, 0]) <= _ROUNDING:
             return element
     return None
+
+
+def _negative_pi(kind: "ModuleKind") -> Element | None:
+    """A PI controller of the space vector in the frame that turns backwards."""
+    values = [_arguments(kind)[name] for name in kind.parameters]
+    if len(values) != 2 or len(kind.states) != 2 or width(kind.inputs) != 2:
+        return None
+    law = values[0] + values[1] / (_POINTS + 2j * TRIAL_OMEGA_0)
+    found = responses(kind)
+    vector = found[:, 0, 0] + 1j * found[:, 1, 0]
+    turning = all(_turns(one) for one in found)
+    return Element.NEGATIVE_PI if turning and _near(vector, law) else None
 
 
 def _static(kind: "ModuleKind") -> Element | None:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from math import pi
 
-from ibrid.modules.control import cutoff
+from ibrid.modules.control import PI_DQ, cutoff
 from ibrid.modules.kind import Matrices, ModuleKind, Range
 from ibrid.modules.large_signal import LargeSignal, Motion
 from ibrid.signals import Signal
@@ -178,4 +178,22 @@ RESONANT_DQ = ModuleKind(
     extended=True,
     reference="proportional-resonant control: R. Teodorescu, F. Blaabjerg, M. Liserre and P. C. "
     "Loh, IEE Proc. EPA 153 (2006)",
+)
+
+
+def _pi_negative(kP, kI, omega_0):
+    w = 2 * omega_0
+    return [[0, w], [-w, 0]], [[1, 0], [0, 1]], [[kI, 0], [0, kI]], [[kP, 0], [0, kP]]
+
+
+PI_NEGATIVE_DQ = replace(
+    PI_DQ,
+    name="PI_negative_dq",
+    law="out = kP in_ + kI x, x' = in_ - 2 omega_0 J x: a PI controller in the frame that turns "
+    "backwards, where the negative sequence rests; seen from the forward frame kP + kI/(s + 2 j w)",
+    state_space=_pi_negative,
+    extended=True,
+    reference="dual current control: H.-S. Song and K. Nam, IEEE TIE 46 (1999); R. Teodorescu, M. "
+    "Liserre and P. Rodriguez, Grid Converters for Photovoltaic and Wind Power Systems (2011), "
+    "chapters 8 to 10",
 )

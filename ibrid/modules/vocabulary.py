@@ -22,7 +22,15 @@ from ibrid.modules.operating_point import (
 from ibrid.modules.plant import L_FILTER, LCL
 from ibrid.modules.plant_variants import LCL_R, LCL_RC, LCL_SATURATED, LCL_TRAP, LL_FILTER
 from ibrid.modules.residual import NOTCH, PADE1, PADE1_DQ
-from ibrid.modules.sequence import DDSRF_DQ, DSOGI_DQ, DSOGI_FIXED, RESONANT_DQ, SOGI_DQ, SOGI_FIXED
+from ibrid.modules.sequence import (
+    DDSRF_DQ,
+    DSOGI_DQ,
+    DSOGI_FIXED,
+    PI_NEGATIVE_DQ,
+    RESONANT_DQ,
+    SOGI_DQ,
+    SOGI_FIXED,
+)
 from ibrid.modules.static import (
     CONST_ZERO,
     GAIN,
@@ -97,6 +105,7 @@ VOCABULARY: Vocabulary = (
     PADE2_DQ,
     PADE3_DQ,
     PADE4_DQ,
+    PI_NEGATIVE_DQ,
 )
 
 NAMED_VOCABULARIES = {"paper": PAPER_VOCABULARY, "extended": VOCABULARY}

@@ -11,6 +11,8 @@ from math import cos, hypot, pi, sin, sqrt
 import numpy as np
 import pytest
 from collecting import each_of
+from scipy.integrate import cumulative_trapezoid
+from scipy.signal import lsim
 
 from ibrid.assembly.modules_at import module_matrices
 from ibrid.errors import ModuleError
@@ -273,6 +275,7 @@ def closed_form(name: str, s: complex) -> np.ndarray:
         "Resonant_dq": lambda: (
             2 * P["k"] * P["omega_c"] * s / (s**2 + 2 * P["omega_c"] * s + (P["n"] * w) ** 2) * I2
         ),
+        "PI_negative_dq": lambda: on_vectors(lambda at: P["kP"] + P["kI"] / (at + 1j * w)),
         "Ref_pq": lambda: [[-i0 / e0, 0, 0, 0], [0, 0, 0, 0]],
         "LCL_trap": lcl_trap,
         "LCL_saturated": lcl_saturated,
@@ -301,6 +304,7 @@ BOXES = {
     "LFilter": {"L_F": (1e-4, 1), "R_F": (1e-5, 1)},
     "PI": PI_BOXES,
     "PI_dq": PI_BOXES,
+    "PI_negative_dq": PI_BOXES,
     "LPF1": CUTOFF,
     "LPF1_dq": CUTOFF,
     "SRF_PLL": {"kP_pll": (1e-6, 1e5), "kI_pll": (1e-6, 1e7)},
@@ -340,6 +344,7 @@ ORDERS = {
     "LFilter": 2,
     "PI": 1,
     "PI_dq": 2,
+    "PI_negative_dq": 2,
     "LPF1": 1,
     "LPF1_dq": 2,
     "Integrator": 1,
@@ -462,10 +467,10 @@ def test_the_paper_has_23_kinds_and_the_default_vocabulary_the_extended_ones_beh
         "DDSRF_dq",
     ]
     extended += ["Resonant_dq", "Ref_pq", "LCL_trap", "SOGI_fixed", "DSOGI_fixed", "LCL_saturated"]
-    extended += ["SRF_PLL_P", "SRF_PLL_ref", "Pade2_dq", "Pade3_dq", "Pade4_dq"]
+    extended += ["SRF_PLL_P", "SRF_PLL_ref", "Pade2_dq", "Pade3_dq", "Pade4_dq", "PI_negative_dq"]
     assert [kind.name for kind in VOCABULARY if kind.extended] == extended
     assert VOCABULARY[:23] == PAPER_VOCABULARY
-    assert len(set(NAMES)) == 51
+    assert len(set(NAMES)) == 52
 
 
 @each_of("name", NAMES)
@@ -815,3 +820,17 @@ def test_states_at_rest_that_take_no_symbols_are_refused():
 def test_a_kind_is_a_frozen_value():
     with pytest.raises(dataclasses.FrozenInstanceError):
         MINE.name = "other"  # type: ignore[misc]
+
+
+def test_a_negative_sequence_pi_is_a_pi_in_the_frame_that_turns_backwards():
+    """A step of arbitrary phase beside a ripple, regulated axis by axis after a turn by 2 theta."""
+    t = np.linspace(0.0, 0.05, 5001)
+    e = (0.3 - 0.8j) * (t > 0.01) + 0.2 * np.exp(-2j * OMEGA_0 * t) + 0.1 * np.exp(400j * t)
+    backwards = e * np.exp(2j * OMEGA_0 * t)
+    expected = P["kP"] * e + P["kI"] * np.exp(-2j * OMEGA_0 * t) * cumulative_trapezoid(
+        backwards, t, initial=0.0
+    )
+    a, b, c, d = matrices_at(kind_named("PI_negative_dq"))
+    _, out, _ = lsim((a, b, c, d), np.column_stack([e.real, e.imag]), t)
+    # 1e-4: two interpolations between 10 us samples
+    assert out[:, 0] + 1j * out[:, 1] == pytest.approx(expected, abs=1e-4)

@@ -43,6 +43,7 @@ ELEMENTS = {
     Element.BAND_PASS: "SOGI_dq SOGI_fixed",
     Element.POSITIVE_SEQUENCE: "DSOGI_dq DDSRF_dq DSOGI_fixed",
     Element.RESONATOR: "Resonant_dq",
+    Element.NEGATIVE_PI: "PI_negative_dq",
     Element.REFERENCE: "Ref_pq",
 }
 

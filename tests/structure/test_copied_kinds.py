@@ -91,6 +91,13 @@ PUT_IN: dict[str, tuple[str, Callable[[Edit], object]]] = {
             and draft.connect("resonant.out", "plant.u_r")
         ),
     ),
+    "PI_negative_dq": (
+        "gfl",
+        lambda draft: (
+            draft.chain(f"{draft.add('PI_negative_dq', 'negative')}.out", "plant.u_r")
+            or draft.gather("negative.in_", *draft.sources("current.in_"))
+        ),
+    ),
     "Ref_pq": (
         "gfl",
         lambda draft: draft.chain(
