@@ -94,6 +94,7 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     }
     called = function.__qualname__.rpartition("<locals>.")[2]
     passes_on = any(get_origin(hint) is Unpack for hint in function.__annotations__.values())
+    required, takes_any = _required(function), _takes_any_keyword(function)
 
     @cache
     def kinds() -> dict[str, tuple[tuple[type, ...], type]]:
@@ -116,10 +117,12 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     @wraps(function)
     def checked(*args: P.args, **keywords: P.kwargs) -> T:
         known = kinds()
-        if passes_on and (strange := [name for name in keywords if name not in options()]):
+        if not takes_any and (strange := [name for name in keywords if name not in options()]):
             raise IbridError(
                 f"{called}: has no option {strange[0]!r}; {near(strange[0], options())}"
             )
+        if missing := [name for name in required[len(args) :] if name not in keywords]:
+            raise IbridError(f"{called}: needs {' and '.join(missing)} too; see help({called})")
         with _border_of(called):
             given = list(args)
             for place, (name, value) in enumerate(zip(names, args, strict=False)):
@@ -133,6 +136,23 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     if passes_on:
         checked.__signature__ = _with_options(function)  # type: ignore[attr-defined]
     return checked
+
+
+def _required(function: Callable) -> tuple[str, ...]:
+    """Positional arguments without a default, in their order."""
+    return tuple(
+        one.name
+        for one in signature(function).parameters.values()
+        if one.default is one.empty and one.kind in (one.POSITIONAL_ONLY, one.POSITIONAL_OR_KEYWORD)
+    )
+
+
+def _takes_any_keyword(function: Callable) -> bool:
+    """Whether keywords of any name may be given, as what a file does not say about itself."""
+    return any(
+        one.kind is one.VAR_KEYWORD and get_origin(one.annotation) is not Unpack
+        for one in signature(function).parameters.values()
+    )
 
 
 def _taken(

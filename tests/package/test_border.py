@@ -155,6 +155,11 @@ def test_no_public_value_can_be_made_with_a_field_of_another_kind_without_a_sent
             lambda: ibrid.evaluate(ibrid.textbook("gfl"), benchmark(), sede=1),
             "evaluate: has no option 'sede'; did you mean seed",
         ),
+        (
+            lambda: ibrid.stability(evaluated("gfl_exact"), src=2),
+            "stability: has no option 'src'; did you mean scr",
+        ),
+        (lambda: ibrid.compare("naive"), "compare: needs second too; see help(compare)"),
         (lambda: measurement.merge("x"), "sweeps must be a sequence of Sweep, found 'x'"),
         (lambda: measurement.merge([1]), "sweeps must be a sequence of Sweep, found a list"),
         (

@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.analysis.models.linear_model import LinearModel, linear_model, whole_record, with_point
 from ibrid.analysis.models.modes import QUANTILE, Mode, modes
 from ibrid.analysis.models.parametric import ParametricModel, Uncertainty, uncertainty
-from ibrid.analysis.models.validity import doubts
+from ibrid.analysis.models.validity import doubts, measured_frequencies
 from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -28,6 +28,8 @@ from ibrid.writing import PlainData
 #: which nothing is measured, per unit: without current and with unit feedforward an inverter
 #: answers nothing.
 MATTERS, LEAST = 1e-6, 1e-6
+#: Frequencies of a prediction where none are asked for.
+POINTS = 200
 
 
 @methods_take_kinds
@@ -131,7 +133,9 @@ class Prediction(Frozen):
 
 @takes_kinds
 @hearing_interrupts()
-def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> Prediction:
+def predict(
+    record: Record, op: str | OperatingPoint, frequency: np.ndarray | None = None
+) -> Prediction:
     """Admittance, matrices and poles of a record at an operating point, with bands from its
     covariance.
 
@@ -140,7 +144,7 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
     record : with shared parameters and the exact equilibrium.
     op : a point of the record, or "p=0.5,q=0[,v=1]" or an OperatingPoint anywhere, p and q at the
     record's power node.
-    frequency : (K,) Hz, positive, ascending.
+    frequency : (K,) Hz, positive, ascending; None: POINTS of them over the measured range.
 
     Bands: the delta method, dY/dx by the model's exact derivatives, on `uncertainty`: the
     covariance of the fit, and the boxes along what the data cannot see; and the answers of other
@@ -151,6 +155,8 @@ def predict(record: Record, op: str | OperatingPoint, frequency: np.ndarray) -> 
     not exist.
     """
     require_able(record)
+    if frequency is None:
+        frequency = np.geomspace(*measured_frequencies(record), POINTS)
     frequency = frequencies_of(frequency)
     if not frequency.size:
         raise IbridError("a prediction takes one frequency in Hz or more; found none")
