@@ -13,6 +13,10 @@ Tell = Callable[[str, float], None]
 EVERY = 10.0
 
 
+def silent(words: str, share: float) -> None:
+    """Tell nobody, where no progress is wanted."""
+
+
 @contextmanager
 def telling(show: str | Tell = "auto") -> Iterator[Tell]:
     """Within, lines appear where the user looks, no more often than one can read; what is done

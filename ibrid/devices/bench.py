@@ -120,8 +120,9 @@ class DeviceBench:
                 return OperatingPoint(op.name, op.v * d, -op.v * q, op.v)
         raise OperatingPointError(
             f"the device must rest at {op.name}; after {self.simulated_s:g} simulated seconds its "
-            "current still moves by "
-            f"{change:.2g} per unit, try another operating point, or other [start] and [parameters]"
+            f"current still moves by {change:.2g} per unit; see whether its base (s_base_va, "
+            "v_base_v) and the units of its signals are right, or try another operating point, or "
+            "other [start] and [parameters]"
         )
 
     def reach(

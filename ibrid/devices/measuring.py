@@ -21,7 +21,7 @@ from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 from ibrid.own_files import writing_as
 from ibrid.plants.sweeping import operating_point
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 
 
 @takes_kinds
@@ -36,7 +36,7 @@ def measure(
     out: str | Path | None = None,
     header: Sequence[str] = (),
     settings: MeasureSettings = USUAL,
-    tell: Tell = lambda words, share: None,
+    tell: Tell = silent,
 ) -> Sweep:
     """Measure the dq admittance of a device by injected multisines.
 
@@ -96,7 +96,7 @@ def measure_timed(
     out: str | Path | None = None,
     header: Sequence[str] = (),
     settings: MeasureSettings = USUAL,
-    tell: Tell = lambda words, share: None,
+    tell: Tell = silent,
 ) -> TimedSweep:
     """Measure as `measure` does, and say how long the device lived."""
     named = [] if out is None else [str(out), str(Path(out).with_suffix(PART))]

@@ -17,7 +17,7 @@ from ibrid.measurement.recordings.events import EventRecord, Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.sweeping import operating_point
 from ibrid.playback.recording import Event, event_of, named_records
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 
 
 @takes_kinds
@@ -31,7 +31,7 @@ def measure_events(
     f0_hz: float = 50.0,
     length: float | None = None,
     settings: MeasureSettings = USUAL,
-    tell: Tell = lambda words, share: None,
+    tell: Tell = silent,
 ) -> Events:
     """Record what a device answers to events: one record for each operating point and event, each
     with the device anew.

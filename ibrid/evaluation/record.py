@@ -108,7 +108,9 @@ class Record(Frozen):
     program: str = ""
     settings: Mapping[str, Any] = field(default_factory=dict)
     seconds: float = field(default=0.0, compare=False)
-    vocabulary: tuple[ModuleKind, ...] = field(default=VOCABULARY, compare=False, repr=False)
+    vocabulary: tuple[ModuleKind, ...] = field(
+        default_factory=lambda: VOCABULARY, compare=False, repr=False
+    )
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -164,7 +166,7 @@ class Record(Frozen):
 
     @classmethod
     def from_json(
-        cls, data: Mapping[str, Any], vocabulary: str | Sequence[ModuleKind] = VOCABULARY
+        cls, data: Mapping[str, Any], vocabulary: str | Sequence[ModuleKind] = "extended"
     ) -> "Record":
         """Rebuild a record; IbridError when `data` is not one."""
         if not isinstance(data, Mapping) or data.get("schema") != SCHEMA:
@@ -363,7 +365,7 @@ def _numbers(part: Any) -> Iterator[float]:
 
 
 @takes_kinds
-def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Record:
+def read_record(path: str | Path, vocabulary: str | Sequence[ModuleKind] = "extended") -> Record:
     """Read a record's JSON; IbridError, one sentence, for anything else."""
     path = Path(path)
     try:

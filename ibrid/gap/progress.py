@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 
 if TYPE_CHECKING:
     from ibrid.gap.results.gap import Gap
@@ -30,7 +30,7 @@ class ProgressReporter:
         Is given the intermediate result, every `EVERY` seconds at most.
     """
 
-    tell: Tell = lambda words, share: None
+    tell: Tell = silent
     receive: "Callable[[Gap], None] | None" = None
     started: float = field(default_factory=time.monotonic)
     _stage_begin: float = 0.0

@@ -14,7 +14,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 
 AXES = ("d", "q")
 #: (frequency in Hz, axis of the injected voltage, operating point) -> the current (d, q) out of the
@@ -28,7 +28,7 @@ def bridged(
     points: Sequence[OperatingPoint],
     out: str | Path,
     *,
-    tell: Tell = lambda words, share: None,
+    tell: Tell = silent,
     **header: Any,
 ) -> Sweep:
     """Measure a device at all frequencies of all operating points, and write the sweep to `out`.

@@ -21,7 +21,7 @@ import numpy as np
 from ibrid.errors import IbridError, near
 from ibrid.measurement.bridge import bridged
 from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 
 #: Injected voltage, per unit; seconds until the control has settled at rest, and with the
 #: injection; least seconds measured.
@@ -66,7 +66,7 @@ def motulator_sweep(
     frequency: Sequence[float],
     out: str | Path,
     *,
-    tell: Tell = lambda words, share: None,
+    tell: Tell = silent,
 ) -> Sweep:
     """Measure a converter of motulator into a sweep; what was measured before an interruption is
     kept (`bridged`).

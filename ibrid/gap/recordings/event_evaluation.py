@@ -41,7 +41,7 @@ from ibrid.measurement.recordings.transformed import transformed
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.study import Study, StudyOptions
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 
 #: Multistart batches and basin hops of the fit to small deviations: it only leads to a valley.
 MOST_RESTARTS = 1
@@ -68,7 +68,7 @@ def evaluate_events(
     *,
     values: Nominal | None = None,
     settings: FitSettings | None = None,
-    tell: Tell = lambda *_: None,
+    tell: Tell = silent,
     **options: Unpack[StudyOptions],
 ) -> Record:
     """Fit a diagram's free parameters, and those of its limits, to recordings of events.
@@ -139,7 +139,7 @@ def fit_and_score(
     problem: EventProblem,
     settings: FitSettings | None = None,
     warm: Values | None = None,
-    tell: Tell = lambda *_: None,
+    tell: Tell = silent,
 ) -> tuple[Record, float]:
     """Fit a problem and return its record, and the Bayesian information criterion on all data.
 

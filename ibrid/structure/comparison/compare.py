@@ -7,7 +7,7 @@ from difflib import unified_diff
 from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.foreign_text import controls_shown
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
+from ibrid.modules.vocabulary import choose_vocabulary
 from ibrid.structure.comparison.drawing import Block
 from ibrid.structure.comparison.matching import best_matching
 from ibrid.structure.comparison.simplify import Simplified, simplified
@@ -85,7 +85,7 @@ class Comparison:
 
 @takes_kinds
 def compare(
-    first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY
+    first: Diagram, second: Diagram, vocabulary: str | Sequence[ModuleKind] = "extended"
 ) -> Comparison:
     """Match two legal diagrams up to naming; precision is the share of `first` that is in `second`.
 

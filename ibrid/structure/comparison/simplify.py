@@ -16,7 +16,7 @@ import numpy as np
 
 from ibrid.modules.behaviour import Element
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY, choose_vocabulary
+from ibrid.modules.vocabulary import choose_vocabulary
 from ibrid.structure.comparison.drawing import Block, Drawing, Key
 from ibrid.structure.comparison.linear_blocks import (
     drop_gains,
@@ -42,7 +42,7 @@ class Simplified:
     links: dict[Key, np.ndarray]
 
 
-def simplified(diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Simplified:
+def simplified(diagram: Diagram, vocabulary: str | Sequence[ModuleKind] = "extended") -> Simplified:
     """Rewrite a legal diagram; the result does not depend on names or on the order of lines."""
     kinds = choose_vocabulary(vocabulary)
     drawing, wiring = Drawing(kinds), wire(diagram, kinds)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from ibrid.border import takes_kinds
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.structure.compiling.compiled import compile_diagram
 from ibrid.structure.diagrams.diagram import Diagram
 
@@ -14,7 +13,7 @@ from ibrid.structure.diagrams.diagram import Diagram
 @takes_kinds
 def structure_hash(
     diagram: Diagram,
-    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    vocabulary: str | Sequence[ModuleKind] = "extended",
     *,
     equilibrium: str = "exact",
 ) -> str:
@@ -30,7 +29,7 @@ def structure_hash(
 @takes_kinds
 def canonical_order(
     diagram: Diagram,
-    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    vocabulary: str | Sequence[ModuleKind] = "extended",
     *,
     equilibrium: str = "exact",
 ) -> tuple[str, ...]:

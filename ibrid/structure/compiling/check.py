@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY, Vocabulary
+from ibrid.modules.vocabulary import Vocabulary
 from ibrid.structure.compiling.compiled import CompiledDiagram, compile_diagram
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.grammar_rules.violation import Violation
@@ -21,7 +21,7 @@ SHOWN = 8
 @takes_kinds
 def violations(
     diagram: Diagram,
-    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    vocabulary: str | Sequence[ModuleKind] = "extended",
     *,
     equilibrium: str = "exact",
 ) -> tuple[Violation, ...]:
@@ -36,7 +36,7 @@ def violations(
 @takes_kinds
 def warnings(
     diagram: Diagram,
-    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    vocabulary: str | Sequence[ModuleKind] = "extended",
     *,
     equilibrium: str = "exact",
 ) -> tuple[Violation, ...]:
@@ -46,7 +46,7 @@ def warnings(
 
 def examine(
     diagram: Diagram,
-    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    vocabulary: str | Sequence[ModuleKind] = "extended",
     *,
     equilibrium: str = "exact",
 ) -> tuple[tuple[Violation, ...], tuple[Violation, ...]]:
@@ -58,7 +58,7 @@ def examine(
 @takes_kinds
 def require_legal(
     diagram: Diagram,
-    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    vocabulary: str | Sequence[ModuleKind] = "extended",
     *,
     equilibrium: str = "exact",
 ) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from ibrid.border import takes_kinds
 from ibrid.errors import DiagramError, near
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY, Vocabulary, choose_vocabulary
+from ibrid.modules.vocabulary import Vocabulary, choose_vocabulary
 from ibrid.structure.compiling.canonical_form import CanonicalForm, canonical_form, structure_graph
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.grammar_rules.algebraic_loops import AlgebraicLoop, DirectTerms
@@ -185,7 +185,7 @@ class CompiledDiagram:
 @takes_kinds
 def compile_diagram(
     diagram: Diagram,
-    vocabulary: str | Sequence[ModuleKind] = VOCABULARY,
+    vocabulary: str | Sequence[ModuleKind] = "extended",
     *,
     equilibrium: str = "exact",
 ) -> CompiledDiagram:

@@ -13,7 +13,7 @@ from ibrid.evaluation.record import Record
 from ibrid.hanging import PROCESSOR_LIMIT, STILL
 from ibrid.interrupts import hearing_interrupts
 from ibrid.own_files import also_reading, writing_as
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 from ibrid.writing import inside, require_folder, write_whole
 from ibrid_search.archives.prior import DeviceAnswer, Prior, learned, learned_from
 from ibrid_search.evaluation.job import Evaluator, Result
@@ -57,7 +57,7 @@ def fleet(
     processor_limit: float = PROCESSOR_LIMIT,
     still: int = STILL,
     resume: bool = False,
-    tell: Tell = lambda words, share: None,
+    tell: Tell = silent,
 ) -> Fleet:
     """Examine the device of every file in a folder.
 

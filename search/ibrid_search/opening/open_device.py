@@ -20,7 +20,7 @@ from ibrid.measurement.read_events import read_events
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.own_files import also_reading, writing_as
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 from ibrid.writing import inside, require_folder, write_whole
 from ibrid_search.opening.device_data import join_events, join_measurements, measure_experiment
 from ibrid_search.opening.page import PAGE, RECORDINGS, write_page
@@ -67,7 +67,7 @@ def open_device(
     effort: str = "normal",
     seed: int = 0,
     resume: bool = False,
-    tell: Tell = lambda words, share: None,
+    tell: Tell = silent,
 ) -> OpeningStory:
     """Identify a device by experiments that are chosen while it is measured.
 

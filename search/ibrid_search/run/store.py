@@ -15,7 +15,6 @@ from ibrid.evaluation.outcome import Outcome
 from ibrid.evaluation.record import Record
 from ibrid.foreign_data import json_in
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.writing import PlainData
 from ibrid_search.run.database import Database
 from ibrid_search.step import Status, Step
@@ -175,7 +174,7 @@ class Store(AbstractContextManager["Store"]):
             raise IbridError(f"{self.path}: there is no step {number}; {known}")
         return steps[0]
 
-    def record(self, number: int, vocabulary: str | Sequence[ModuleKind] = VOCABULARY) -> Record:
+    def record(self, number: int, vocabulary: str | Sequence[ModuleKind] = "extended") -> Record:
         """The record of a step; IbridError when it has none or it is damaged."""
         query = "SELECT record FROM evaluations WHERE number = ? AND record IS NOT NULL"
         if not (rows := self._database.rows(query, number)):

@@ -29,7 +29,7 @@ from ibrid.structure.diagrams.library import (
     textbook,
 )
 from ibrid.study import Study
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 from ibrid_search.screening.candidate_edits import CandidateEdit
 from ibrid_search.screening.candidate_problems import (
     NO_FIT_ERRORS,
@@ -132,9 +132,7 @@ class EditScreener:
             values = published_values(name) if name in published_names() else {}
             yield CandidateEdit(diagram, f"the shipped diagram {name}", name, {}), values
 
-    def screen_library(
-        self, devices: int = 1, tell: Tell = lambda words, share: None
-    ) -> tuple[ScreeningFit, ...]:
+    def screen_library(self, devices: int = 1, tell: Tell = silent) -> tuple[ScreeningFit, ...]:
         """Screen the library diagrams of a number of devices; the best first.
 
         Diagrams without a response at the operating points are left out.

@@ -18,7 +18,7 @@ from ibrid.gap.recordings.event_misfit import EventDescent
 from ibrid.gap.recordings.event_problem import event_problem_of_study
 from ibrid.gap.recordings.successive_halving import Entrant, rank_entrants
 from ibrid.study import Study
-from ibrid.telling import Tell
+from ibrid.telling import Tell, silent
 from ibrid_search.screening.candidate_edits import CandidateEdit
 from ibrid_search.screening.candidate_problems import NO_FIT_ERRORS
 from ibrid_search.screening.edit_screening import (
@@ -46,9 +46,7 @@ class EventEditScreener(EditScreener):
         super().__init__(study.blind, criterion)
         self._halving_results: dict[str, list[ScreeningFit]] = {}
 
-    def screen_library(
-        self, devices: int = 1, tell: Tell = lambda words, share: None
-    ) -> tuple[ScreeningFit, ...]:
+    def screen_library(self, devices: int = 1, tell: Tell = silent) -> tuple[ScreeningFit, ...]:
         """Screen the library diagrams on the recordings; those near the least error, the best
         first.
         """

@@ -20,7 +20,6 @@ from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.kind import ModuleKind
-from ibrid.modules.vocabulary import VOCABULARY
 from ibrid.study import Study
 from ibrid.writing import inside
 from ibrid_search.run.run_folder import ARCHIVE, SELECTION
@@ -199,7 +198,7 @@ def rivals_beside(judged: Sequence[Judged], steps: Sequence[Step]) -> tuple[Riva
 
 
 def open_structures(
-    folder: Path, vocabulary: str | Sequence[ModuleKind] = VOCABULARY
+    folder: Path, vocabulary: str | Sequence[ModuleKind] = "extended"
 ) -> tuple[tuple[str, ...], tuple[Record, ...]]:
     """Hashes of structures and their records, the answer first; IbridError where the run has not
     ended or is damaged.
