@@ -24,6 +24,8 @@ BARS = 2.0
 #: What lies this far below the largest value of its entry and of the matrix is rounding, not
 #: admittance.
 ROUNDING = 1e-9
+#: Labels of an axis of phases at most, and degrees that it shows beyond the last of them.
+MOST_TICKS, EDGE = 6, 8.0
 
 
 @dataclass(frozen=True)
@@ -147,18 +149,18 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
     """Magnitude (per unit) above phase (degrees) of one entry, dots measured, lines the model."""
     magnitude, phase = axes
     place = (slice(None), *ENTRIES[entry])
-    start = _phase_window(shown)
     floor = ROUNDING * max(
         (float(np.abs(array).max(initial=0.0)) for array in _arrays(shown)), default=0.0
     )
+    angles = _phases(shown, entry, floor)
     drawn = False
     several = sum(curve.measured is not None for curve in shown) > 1
-    for curve in shown:
+    for curve, (dots, angle) in zip(shown, angles, strict=True):
         colour, marker, dashes = series(curve.index)
         if curve.measured is not None:
             look = {"color": colour, "marker": marker}
             look["label"] = f"{curve.name}, measured" if several else "measured"
-            drawn |= _dots(axes, curve.measured, entry, floor, start, look)
+            drawn |= _dots(axes, curve.measured, entry, floor, dots, look)
         if curve.model is not None and curve.frequency is not None:
             line = curve.model[place]
             size = np.where(np.abs(line) > floor, np.abs(line), np.nan)
@@ -167,8 +169,7 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
                 look = {"color": colour, "linestyle": dashes, "linewidth": 1.5}
                 look["label"] = curve.name
                 magnitude.plot(curve.frequency, size, **look)
-                angle = np.where(np.isfinite(size), _wrapped(line, start), np.nan)
-                phase.plot(*_broken(curve.frequency, angle), **look)
+                phase.plot(curve.frequency, angle, **look)
                 if curve.half_width is not None:
                     _shade(
                         magnitude,
@@ -186,10 +187,10 @@ def draw_bode(axes: Sequence[Axes], entry: str, shown: Sequence[Curves]) -> None
             0.5, 0.5, "zero throughout", ha="center", va="center", transform=magnitude.transAxes
         )
     magnitude.set_ylabel("magnitude  (pu)")
-    phase.set(
-        ylabel="phase  (deg)", xlabel="frequency  (Hz)", xscale="log", ylim=(start - 8, start + 368)
-    )
-    phase.set_yticks(np.arange(90 * np.ceil(start / 90), start + 361, 90))
+    low, high = _phase_range(angles)
+    phase.set(ylabel="phase  (deg)", xlabel="frequency  (Hz)", xscale="log", ylim=(low, high))
+    apart = 45 * 2 ** np.ceil(np.log2((high - low) / (45 * MOST_TICKS)))
+    phase.set_yticks(np.arange(apart * np.ceil(low / apart), high, apart))
 
 
 def _shade(
@@ -210,9 +211,7 @@ def _shade(
     )
     inside = half_width < size
     turn = np.where(inside, np.degrees(np.arcsin(np.where(inside, half_width / size, 0.0))), 180.0)
-    at, middle = _broken(frequency, angle)
-    spread = np.interp(at, frequency, turn)
-    phase.fill_between(at, middle - spread, middle + spread, **look)
+    phase.fill_between(frequency, angle - turn, angle + turn, **look)
 
 
 def _dots(
@@ -220,7 +219,7 @@ def _dots(
     point: PointSweep,
     entry: str,
     floor: float,
-    start: float,
+    angles: np.ndarray,
     look: dict[str, Any],
 ) -> bool:
     (magnitude, phase), value = axes, point.admittance[(slice(None), *ENTRIES[entry])]
@@ -230,7 +229,7 @@ def _dots(
     frequency, size, angle = (
         point.frequency[seen],
         np.abs(value[seen]),
-        _wrapped(value[seen], start),
+        angles[seen],
     )
     few = seen.sum() <= 60
     look = {**look, "linestyle": "none", "markersize": 4.5 if few else 2.6, "markeredgewidth": 1.1}
@@ -253,28 +252,46 @@ def _arrays(shown: Sequence[Curves]) -> list[np.ndarray]:
     return [one.model for one in shown if one.model is not None] + measured
 
 
-def _phase_window(shown: Sequence[Curves]) -> float:
-    """Lower end of a window of 360 degrees, the same for all entries, in which the curves jump
-    least.
+def _phases(
+    shown: Sequence[Curves], entry: str, floor: float
+) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Angles in degrees of the dots and of the line of each curve, without turns of 360 degrees
+    between neighbours; dots beside a line take its turn, and all curves lie as near as turns let
+    them. Nan where there is no admittance.
     """
-    lines = [array[(slice(None), *place)] for array in _arrays(shown) for place in ENTRIES.values()]
-    seen = [line[np.abs(line) > 0] for line in lines]
+    place, angles, middle = (slice(None), *ENTRIES[entry]), [], None
+    for curve in shown:
+        dots, line = np.empty(0), np.empty(0)
+        if curve.model is not None and curve.frequency is not None:
+            line = _unwrapped(curve.model[place], floor)
+        if curve.measured is not None:
+            dots = _unwrapped(curve.measured.admittance[place], floor)
+            if np.isfinite(line).any() and curve.frequency is not None:
+                finite = np.isfinite(line)
+                beside = np.interp(curve.measured.frequency, curve.frequency[finite], line[finite])
+                dots = dots - 360.0 * np.round((dots - beside) / 360.0)
+        whole = np.concatenate([dots, line])
+        if np.isfinite(whole).any():
+            own = float(np.nanmedian(whole))
+            turn = 360.0 * np.round((own - (0.0 if middle is None else middle)) / 360.0)
+            dots, line, middle = dots - turn, line - turn, own - turn if middle is None else middle
+        angles.append((dots, line))
+    return angles
 
-    def jumps(start: float) -> float:
-        angles = [_wrapped(line, start) for line in seen if len(line)]
-        return sum(int((np.abs(np.diff(angle)) > 180).sum()) for angle in angles) + sum(
-            float((np.minimum(angle - start, start + 360 - angle) < 12).mean()) for angle in angles
-        )
 
-    return min((-180.0, -90.0, -270.0, -360.0, -135.0, -225.0, -315.0, -45.0), key=jumps)
-
-
-def _wrapped(value: np.ndarray, start: float) -> np.ndarray:
-    """Angle in degrees within [start, start + 360)."""
-    return (np.degrees(np.angle(value)) - start) % 360 + start
+def _unwrapped(value: np.ndarray, floor: float) -> np.ndarray:
+    """Angle in degrees along (N,) values; nan where they are not above `floor`."""
+    angle, seen = np.full(len(value), np.nan), np.abs(value) > floor
+    angle[seen] = np.degrees(np.unwrap(np.angle(value[seen])))
+    return angle
 
 
-def _broken(frequency: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The same line, interrupted where it jumps from one edge of the window to the other."""
-    jumps = np.flatnonzero(np.abs(np.diff(angle)) > 180) + 1
-    return np.insert(frequency, jumps, frequency[jumps]), np.insert(angle, jumps, np.nan)
+def _phase_range(angles: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float]:
+    """What an axis of phases shows: all, in whole steps of 45 degrees, and at least 180."""
+    whole = np.concatenate([np.zeros(0), *(part for pair in angles for part in pair)])
+    whole = whole[np.isfinite(whole)]
+    if not len(whole):
+        return -180.0, 180.0
+    low, high = 45 * np.floor(whole.min() / 45), 45 * np.ceil(whole.max() / 45)
+    more = max(180.0 - (high - low), 0.0) / 2
+    return float(low - more - EDGE), float(high + more + EDGE)
