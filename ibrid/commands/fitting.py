@@ -3,7 +3,6 @@ show the record.
 """
 
 from argparse import Namespace
-from dataclasses import replace
 
 from ibrid.commands import inputs
 from ibrid.commands.outputs import (
@@ -16,7 +15,6 @@ from ibrid.commands.outputs import (
 from ibrid.errors import IbridError
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.evaluation.record import Record
-from ibrid.fit.settings import FitSettings, fit_settings
 from ibrid.measurement.sweeps.sweep import Sweep
 from ibrid.report.texts.text import format_record
 from ibrid.streams import complain_of_program
@@ -65,14 +63,6 @@ def _page_is_missing(arguments: Namespace) -> str:
     )
 
 
-def fit_settings_of(arguments: Namespace) -> FitSettings:
-    """The settings that `--effort` and `--restarts` ask for."""
-    settings = fit_settings(arguments.effort)
-    return (
-        settings if arguments.restarts is None else replace(settings, restarts=arguments.restarts)
-    )
-
-
 def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
     if sweep is None or arguments.values is not None or arguments.standard != "none":
         option = "--standard" if arguments.values is None else "--values"
@@ -90,5 +80,5 @@ def _fitted(arguments: Namespace, sweep: Sweep | None) -> Record:
         holdout_op=arguments.holdout_op,
         port=inputs.port(arguments.port, sweep),
         labels=arguments.labels,
-        settings=fit_settings_of(arguments),
+        settings=inputs.fit_settings_of(arguments),
     )

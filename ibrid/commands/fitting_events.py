@@ -5,7 +5,6 @@ from dataclasses import replace
 
 from ibrid.arguments.places import is_record
 from ibrid.commands import inputs
-from ibrid.commands.fitting import fit_settings_of
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.recordings.event_evaluation import evaluate_events
@@ -38,7 +37,7 @@ def fitted_to_events(arguments: Namespace, sweep: Sweep | None, events: Events) 
             vocabulary=inputs.vocabulary(arguments.vocabulary, arguments.kinds),
             seed=arguments.seed,
             holdout_op=arguments.holdout_op,
-            settings=fit_settings_of(arguments),
+            settings=inputs.fit_settings_of(arguments),
             tell=tell,
         )
     return (

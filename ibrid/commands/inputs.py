@@ -5,6 +5,7 @@ command needs them.
 from argparse import ArgumentTypeError, Namespace
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from math import inf, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -19,6 +20,7 @@ from ibrid.streams import complain
 if TYPE_CHECKING:
     from ibrid.analysis.grids.grid import MeasuredGrid, SeriesRL
     from ibrid.evaluation.record import Record
+    from ibrid.fit.settings import FitSettings
     from ibrid.measurement.recordings.events import Events
     from ibrid.measurement.sweeps.sweep import Sweep
     from ibrid.modules.vocabulary import Vocabulary
@@ -37,6 +39,16 @@ def program(text: str) -> "Diagram":
     from ibrid.arguments.coercion import as_diagram
 
     return as_diagram(text)
+
+
+def fit_settings_of(arguments: Namespace) -> "FitSettings":
+    """The settings that `--effort` and `--restarts` ask for."""
+    from ibrid.fit.settings import fit_settings
+
+    settings = fit_settings(arguments.effort)
+    if arguments.restarts is None:
+        return settings
+    return replace(settings, restarts=arguments.restarts)
 
 
 def data(text: str) -> "Sweep":
