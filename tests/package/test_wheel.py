@@ -23,8 +23,9 @@ ROOT = Path(__file__).resolve().parents[2]
 #: pages (8,000: trials and several runs on the live page, impedances, what is not explained,
 #: references in diagrams), forms of files, generic models fitted to events. Then 5,000: what
 #: recorders and laboratories write (5,300), descents along curved valleys, on some frequencies
-#: (1,600), clashes of files that change while they are read; 3,300 were taken out.
-NODES = 751_000
+#: (1,600), clashes of files that change while they are read; 3,300 were taken out. Then 400: a
+#: controller of the negative sequence, arguments that are named where they are wrong or missing.
+NODES = 751_400
 #: What a script of the user's may be called without being in the way.
 SHADOW = "raise RuntimeError('a file of the user was imported in place of a package')\n"
 
