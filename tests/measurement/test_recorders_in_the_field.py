@@ -124,6 +124,8 @@ def test_an_object_before_the_name_of_a_variable_is_left_out():
         "Trace 1: Va (V)": "va",
         "Bus 3: Strom L1 in kA": "ia",
         "Scope: 12:30": "",
+        "m:phiu1 in deg": "v_ang",
+        "m:phii1 in deg": "i_ang",
     }
     assert {name: signal_of(name).role for name in read} == read
 

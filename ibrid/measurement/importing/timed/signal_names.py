@@ -47,6 +47,8 @@ _AT = "g|grid|pcc|poc|poi|out|[so](?=[dq])"
 #: How PowerFactory and EMTP begin the name of a variable: monitored, signal, bus, calculation,
 #: element.
 _PROGRAM = re.compile(r"^[msbner]:(?=[A-Za-z])")
+#: PowerFactory's angle of a voltage or current: phiu1, phii1.
+_ANGLE_OF = re.compile(r"phi([uvi])1?")
 #: An object of the network before the name of its variable: `Terminal: Voltage, Magnitude`.
 _OF_OBJECT = re.compile(r".*?[^:\s]:\s+(\S[^:]*)")
 #: How a clock is written, in brackets.
@@ -105,6 +107,8 @@ def signal_of(name: str, unit: str = "", phase: str = "") -> ColumnSignal:
         quantity, axis, part = _meaning(said[1], phase)
     if not quantity and counted and _meaning(_COUNTED_WORD.sub(" ", bare), phase) == ("v", "", ""):
         quantity, part = "v", "mag"
+    if dimension == "angle" and (said := _ANGLE_OF.fullmatch(_PROGRAM.sub("", bare.strip()))):
+        quantity, axis, part = ("v" if said[1] in "uv" else "i"), "", "ang"
     if quantity == "v" and part == "ang" and dimension in ("voltage", "per unit"):
         axis, part = _between_phases(bare, axis) or (axis, part)
     if quantity and dimension and not _fits(quantity, part, dimension):
