@@ -354,7 +354,9 @@ WIDTHS = """
 """
 ZOOMED = """
   const first = document.querySelector("svg[data-axes]");
-  const texts = () => [...first.querySelectorAll('g[id*="axis_"] text')].filter((one) => one.checkVisibility());
+  const ofFrequency = (axis) => axis.id.match(/axis_(\\d+)/)[1] % 2 === 1;  // those of sizes and phases are even
+  const axes = [...first.querySelectorAll('g[id*="axis_"]')].filter(ofFrequency);
+  const texts = () => axes.flatMap((axis) => [...axis.querySelectorAll("text")]).filter((one) => one.checkVisibility());
   const curves = () => [...first.querySelectorAll("path[clip-path]")].map((one) => one.getAttribute("d")).join();
   const press = (key) => first.dispatchEvent(new window.KeyboardEvent("keydown", { key, bubbles: true }));
   const before = curves(), wide = texts().map((one) => one.textContent);
