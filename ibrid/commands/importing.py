@@ -3,6 +3,7 @@ read as what is shown.
 """
 
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,10 @@ from ibrid.writing import aligned, require_place, write_whole
 
 if TYPE_CHECKING:
     from ibrid.measurement.sweeps.sweep import Sweep
+
+#: Operating points whose rows are compared with one another after reading; `ibrid inspect` looks at
+#: all of them.
+CHECKED = 4
 
 
 def run(arguments: Namespace) -> int:
@@ -87,11 +92,19 @@ def _warnings(data: "Sweep | Events") -> tuple[str, ...]:
     from ibrid.measurement.conventions.contradictions import check_conventions
     from ibrid.measurement.quality.event_contradictions import contradictions
     from ibrid.measurement.quality.plausibility import implausible_numbers
+    from ibrid.measurement.quality.shifted_entries import shifted_entries
+    from ibrid.measurement.quality.wrong_rows import contradicted_rows
 
     if isinstance(data, Events):
         said = {f"{record.name}: {one}." for record in data.records for one in record.remarks}
         return tuple(sentence for sentence in contradictions(data) if sentence not in said)
-    return (*check_conventions(data).warnings, *implausible_numbers(data))
+    first = replace(data, points=data.points[:CHECKED])
+    return (
+        *contradicted_rows(first),
+        *shifted_entries(first),
+        *check_conventions(data).warnings,
+        *implausible_numbers(data),
+    )
 
 
 def _draw(data: "Sweep | Events", place: str) -> None:

@@ -15,7 +15,7 @@ from ibrid import cli
 from ibrid.measurement import Sweep
 from ibrid.measurement.quality.inspect import inspect
 from ibrid.measurement.quality.shifted_entries import shifted_entries
-from ibrid.measurement.sweeps.sweep import ENTRIES
+from ibrid.measurement.sweeps.sweep import ENTRIES, OperatingPoint
 
 DATA = Path(__file__).resolve().parents[2] / "data"
 #: 16 ohm a unit: all impedances of the sweep are beyond 1 ohm, and their decibels above zero.
@@ -130,6 +130,42 @@ def test_no_shipped_sweep_is_suspected_of_a_slip_and_inspect_says_those_that_are
     assert {name: said for name, one in sweeps.items() if (said := [*shifted_entries(one)])} == {}
     warnings = inspect(slipped(truth, ("qd", "qq"), 1)).warnings
     assert any("the row of iq" in sentence for sentence in warnings)
+
+
+def many_rows(count: int = 60) -> Sweep:
+    """A clean sweep at frequencies in steps of one ratio, where entries a row late are as smooth as
+    those that are not.
+    """
+    return ibrid.sweep(
+        "paper_like", [OperatingPoint("a", 0.6, 0.2, 1.0)], np.geomspace(1, 5000, count)
+    )
+
+
+@pytest.mark.parametrize("letter", ["Y", "Z"])
+def test_rows_of_a_clean_sweep_that_are_late_are_named_by_import(tmp_path, capsys, letter):
+    sweep, wrong = many_rows(), []
+    for entry in ENTRIES:
+        point = sweep.points[0]
+        values = np.array(point.admittance if letter == "Y" else np.linalg.inv(point.admittance))
+        place = (slice(None), *ENTRIES[entry])
+        values[place] = np.concatenate([values[place][:1], values[place][:-1]])
+        values = values if letter == "Y" else np.linalg.inv(values)
+        late = replace(sweep, points=(replace(point, admittance=values),))
+        ibrid.write_sweep(late, tmp_path / "late.csv")
+        assert imported([str(tmp_path / "late.csv")], tmp_path / "out.csv", "--unit", "pu") == 0
+        said = capsys.readouterr().err
+        if f"{letter}{entry} stands probably one frequency later" not in said:
+            wrong.append((entry, said))
+    assert wrong == []
+    assert list(shifted_entries(sweep)) == []
+
+
+def test_rows_against_their_frequencies_and_angles_the_other_way_are_named():
+    sweep = many_rows()
+    point = sweep.points[0]
+    for values in (point.admittance[::-1], np.conj(point.admittance)):
+        wrong = replace(sweep, points=(replace(point, admittance=values),))
+        assert "no stable device" in "".join(shifted_entries(wrong))
 
 
 def test_directions_that_are_said_are_compared_with_the_highest_frequencies(

@@ -1,9 +1,11 @@
 """Entries of a sweep that stand one row late or early beside the others, as those of a file that
-lost its first line.
+lost its first line, and rows that run against their frequencies.
 
-Law: the four entries of a device are rational functions with common poles. Entries at another
-frequency have others, so that a vector fit of the mended numbers leaves far less over than one of
-those that stand there (`ibrid.measurement.sweeps.vector_fit`).
+Law: the four entries of a device are rational functions with common stable poles. Entries at
+another frequency have others: at frequencies in steps of one ratio an entry that is a row late has
+each pole divided by that ratio. So the numbers as they stand need more poles than the mended ones
+for the same error, or leave far more over with as many
+(`ibrid.measurement.sweeps.vector_fit`).
 """
 
 from collections.abc import Iterator
@@ -16,22 +18,31 @@ from ibrid.measurement.sweeps.vector_fit import FEWEST, SHARE, best_fit, vector_
 
 #: Most frequencies at which fits are compared: every second, third .. row of a longer sweep.
 MOST = 60
-#: A fit of the numbers as they stand that leaves less over than this part of |Y| is right.
-FITTED = 1e-4
 #: A shift is named where it leaves at most this part of what a fit of the numbers as they stand
-#: leaves.
-MENDS = 0.2
+#: leaves with as many poles, and at most so many times what their best fit leaves.
+MENDS, FLOOR = 0.2, 1.5
+#: What the rounding of numbers leaves over, whatever a fit leaves.
+ROUNDED = 1e-10
+#: Part of |Y| that so many stable poles leave of numbers that are those of no stable device.
+_SOME_POLES, UNSTABLE = 12, 0.3
 #: Entries that come from one test or one file, beside the others; a half that is late is one whose
 #: other half is early.
 _GROUPS = {
-    "Ydq and Yqq (the column of vq)": ("dq", "qq"),
-    "Yqd and Yqq (the row of iq)": ("qd", "qq"),
-    **{f"Y{entry}": (entry,) for entry in ENTRIES},
+    "{0}dq and {0}qq (the column of {1}q) stand": ("dq", "qq"),
+    "{0}qd and {0}qq (the row of {2}q) stand": ("qd", "qq"),
+    **{f"{{0}}{entry} stands": (entry,) for entry in ENTRIES},
 }
+_BACKWARDS = (
+    "the numbers are those of no stable device, but are once the rows run against their "
+    "frequencies, or once the sign of all imaginary parts is turned: one column is probably "
+    "sorted the other way, or angles are counted the other way; correct the file."
+)
 
 
 def shifted_entries(sweep: Sweep) -> Iterator[str]:
-    """A sentence for each operating point of which some entries are far more likely a row away."""
+    """A sentence for each operating point of which some entries are far more likely a row away, or
+    all rows the other way round.
+    """
     for point in sweep.points:
         if point.excitation is None and not point.predicted:
             words = _shift_in_words(point.frequency.tobytes(), point.admittance.tobytes())
@@ -44,38 +55,57 @@ def _shift_in_words(frequency: bytes, admittance: bytes) -> str:
     """The likely shift in words; "" where all entries stand in their rows."""
     hertz = np.frombuffer(frequency)
     values = np.frombuffer(admittance, dtype=complex).reshape(-1, 2, 2)
-    whole = np.linalg.norm(values, axis=(1, 2)) > 0
+    whole = np.linalg.cond(values) < np.inf
     if whole.sum() <= FEWEST:
         return ""
     hertz, values = hertz[whole], values[whole]
     step = -(-len(hertz) // MOST)
-    best = best_fit(hertz[::step], values[::step])
-    left = _left(hertz[::step], values[::step], best.order)
-    if left < FITTED:
-        return ""
-    return _shifted(hertz, values, step, best.order, left)
+    rows = slice(1, -1, step)
+    if _runs_backwards(hertz[rows], values[rows]):
+        return _BACKWARDS
+    order = best_fit(hertz[rows], values[rows]).order
+    floor = max(_left(hertz[rows], values[rows], order), ROUNDED)
+    for poles in (_too_few(hertz[rows], values[rows], floor / MENDS, order), order):
+        words, least = "", min(MENDS * _left(hertz[rows], values[rows], poles), FLOOR * floor)
+        for named, mended in _mended(values):
+            left = _left(hertz[rows], mended[rows], poles)
+            if left < least:
+                words, least = named, left
+        if words:
+            return words
+    return ""
 
 
-def _shifted(hertz: np.ndarray, values: np.ndarray, step: int, order: int, left: float) -> str:
-    """The entries that stand one frequency later, or earlier, than the others, in words; "" for
-    none.
+def _runs_backwards(hertz: np.ndarray, values: np.ndarray) -> bool:
+    """Whether no stable poles come near, as they do at the opposite of the angular frequencies,
+    which rows the other way round are a multiple of the inverse of.
     """
-    least, words = MENDS * left, ""
-    for name, entries in _GROUPS.items():
-        for rows, side in ((1, "later"), (-1, "earlier")):
-            mended = values.copy()
-            for entry in entries:
-                place = (slice(None), *ENTRIES[entry])
-                mended[place] = np.roll(values[place], -rows)
-            inside = slice(1, -1)
-            left_now = _left(hertz[inside][::step], mended[inside][::step], order)
-            if left_now < least:
-                least = left_now
+    standing = _left(hertz, values, _SOME_POLES)
+    return standing > UNSTABLE and _left(hertz, values[::-1], _SOME_POLES) < MENDS * standing
+
+
+def _too_few(hertz: np.ndarray, values: np.ndarray, enough: float, order: int) -> int:
+    """The most poles, 2 at least, before a fit leaves no more over than is enough."""
+    for poles in range(2, order):
+        if _left(hertz, values, poles + 1) <= enough:
+            return poles
+    return order
+
+
+def _mended(values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
+    """Each likely mistake in words, and the admittances without it (K, 2, 2)."""
+    for quantities, matrices in (("Yvi", values), ("Ziv", np.linalg.inv(values))):
+        for name, entries in _GROUPS.items():
+            for rows, side in ((1, "later"), (-1, "earlier")):
+                mended = matrices.copy()
+                for entry in entries:
+                    place = (slice(None), *ENTRIES[entry])
+                    mended[place] = np.roll(matrices[place], -rows)
                 words = (
-                    f"{name} probably stand one frequency {side} than the other entries: moved by "
-                    "one they fit them; check the rows of the file they come from."
+                    f"{name.format(*quantities)} probably one frequency {side} than the other "
+                    "entries, which it fits once it is moved by one; check the rows of the file."
                 )
-    return words
+                yield words, mended if quantities == "Yvi" else np.linalg.inv(mended)
 
 
 def _left(hertz: np.ndarray, values: np.ndarray, order: int) -> float:
