@@ -2,6 +2,7 @@
 shipped, and no other device, is suspected of them.
 """
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -256,3 +257,33 @@ def test_no_device_that_is_shipped_is_said_to_have_its_direct_entries_exchanged(
         if any("Ydd and Yqq are" in w for w in check_conventions(ibrid.read_sweep(path)).warnings)
     ]
     assert wrong == []
+
+
+def said_of(plant: str, change) -> str:
+    """What is said of the rest and the signs of a reference inverter whose Z is changed."""
+    rest, frequency = OperatingPoint("a", 1.0, 0.3), np.geomspace(1, 5000, 60)
+    sweep = ibrid.sweep(plant, [rest], frequency)
+    impedance = np.linalg.inv(sweep.points[0].admittance)
+    change(impedance)
+    point = replace(sweep.points[0], admittance=np.linalg.inv(impedance))
+    return " ".join(inspect(replace(sweep, points=(point,))).warnings)
+
+
+@each_of("plant", ["gfl_l_filter", "gfl_dc_link"])
+def test_one_slip_of_an_entry_of_the_impedance_is_named_as_that_alone(plant):
+    def exchange(z):
+        z[:, 0, 0], z[:, 1, 1] = z[:, 1, 1].copy(), z[:, 0, 0].copy()
+
+    def turn(z):
+        z[:, 1, 0] *= -1
+
+    def milliohm(z):
+        z[:, 1, 1] *= 1000
+
+    assert "probably" not in said_of(plant, lambda z: None)
+    assert "Ydd and Yqq are probably exchanged" in said_of(plant, exchange)
+    assert re.search("once the sign of [ZY]qd is turned", said_of(plant, turn))
+    said = said_of(plant, milliohm)
+    assert "in another unit" in said
+    assert "frame" not in said
+    assert "times too" not in said

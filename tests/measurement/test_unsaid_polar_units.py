@@ -154,7 +154,7 @@ def test_rows_of_a_clean_sweep_that_are_late_are_named_by_import(tmp_path, capsy
         ibrid.write_sweep(late, tmp_path / "late.csv")
         assert imported([str(tmp_path / "late.csv")], tmp_path / "out.csv", "--unit", "pu") == 0
         said = capsys.readouterr().err
-        if f"{letter}{entry} stands probably one frequency later" not in said:
+        if f"{letter}{entry} probably stands one frequency later" not in said:
             wrong.append((entry, said))
     assert wrong == []
     assert list(shifted_entries(sweep)) == []

@@ -19,7 +19,7 @@ from statistics import median_low
 import numpy as np
 
 from ibrid.measurement.sweeps.noise import PointNoise
-from ibrid.measurement.sweeps.sweep import PointSweep, PowerNode, Sweep
+from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep, PowerNode, Sweep
 
 #: Points up to this multiple of the lowest frequency are extrapolated to zero, and so many at
 #: least.
@@ -36,6 +36,9 @@ LOADED = 0.1
 CLOSE, ALIKE = 0.12, 0.1
 #: Power (per unit) by which a point that agrees may be off, losses and its node among it.
 ODD = 0.15
+#: Part of the doubt of one reading that another has which is preferred; p + jq within which one
+#: agrees once a sign is turned.
+RATHER, AGREES = 0.5, 0.03
 #: Least range of q over the operating points that tells on which side the q axis is.
 MIRRORED = 0.2
 #: Inductance (pu) that p, q of the PCC cannot have behind them, and the largest reactive power of
@@ -43,6 +46,7 @@ MIRRORED = 0.2
 OWN_NODE, OUTSIDE = 0.03, 0.4
 #: |ln| within which a scale is taken for a usual mistake.
 NEAR, FITTED = 0.1, 0.04
+_UNKNOWN = PointNoise("unknown", None, None)
 _MISTAKES = (
     (2**0.5, "peak and rms values confused (sqrt 2)"),
     (3**0.5, "line and phase values confused (sqrt 3)"),
@@ -101,9 +105,13 @@ def angle_reading(point: PointSweep, noise: PointNoise) -> AngleReading | None:
     )
 
 
-def exchanged_diagonal(sweep: Sweep, noise: Mapping[str, PointNoise]) -> str:
+def exchanged_diagonal(
+    sweep: Sweep, noise: Mapping[str, PointNoise], *, beside_axes: bool = False
+) -> str:
     """A sentence where (Ydq, Ydd) has settled on (q, p)/v^2 at every operating point while (Ydq,
     Yqq) has not, nor on that of the opposite p; "" elsewhere.
+
+    beside_axes : only where it has settled better than (Yqd, Ydd), which d and q exchanged explain.
     """
     if len(sweep.points) == 1 and sweep.points[0].frequency[0] > ALONE_HZ:
         return ""
@@ -112,8 +120,14 @@ def exchanged_diagonal(sweep: Sweep, noise: Mapping[str, PointNoise]) -> str:
         level, power = noise[point.op.name], complex(point.op.p, point.op.q)
         other = angle_reading(PointSweep(point.op, point.frequency, admittance), level)
         own = angle_reading(point, level)
-        near = own is not None and min(map(own.off, (power, -power.conjugate()))) < 2 * ODD
-        if near or abs(power.real) < LOADED or other is None or other.off(power) > ODD:
+        if abs(power.real) < LOADED or other is None or other.off(power) > ODD:
+            return ""
+        settled = None if own is None or RATHER * own.doubt >= other.doubt else own
+        if settled and min(map(settled.off, (power, -power.conjugate()))) < 2 * ODD:
+            return ""
+        swapped = PointSweep(point.op, point.frequency, point.admittance[:, ::-1, ::-1])
+        axes = angle_reading(swapped, level) if beside_axes else None
+        if axes is not None and other.doubt > RATHER * axes.doubt:
             return ""
     return (
         "the lowest frequencies show p in Ydd, where a device that turns with the voltage has it "
@@ -168,6 +182,8 @@ def contradictions(
     if beyond.all() and len(set(np.sign(off))) == 1 and np.ptp(off) < ALIKE + doubt.max():
         scale = float(np.exp(np.median(off)))
         factor *= scale
+        if turned := _turned_impedance(loaded):
+            return (turned,)
         mistakes.append(
             f"the lowest frequencies show {scale:.2g} times the p of the file at every operating "
             f"point: {scale_reason(scale)}."
@@ -175,6 +191,31 @@ def contradictions(
     reactive = _reactive(loaded, factor, power_node)
     mistakes += [] if reactive is None else [reactive]
     return tuple(mistakes or _odd(readings, declared))
+
+
+def _turned_impedance(loaded: Sequence[AngleReading]) -> str:
+    """A sentence with the entries of Z, one or either of two, with whose sign turned all points
+    read their p and q; "" for none or more.
+    """
+    if any((np.linalg.det(one.point.admittance) == 0).any() for one in loaded):
+        return ""
+    turned = [entry for entry in ENTRIES if all(_agrees_turned(one.point, entry) for one in loaded)]
+    if not 1 <= len(turned) <= 2:
+        return ""
+    named = " or ".join(f"Z{entry}" for entry in turned)
+    return (
+        f"the lowest frequencies agree with p and q once the sign of {named} is turned: it is "
+        "probably wrong in the file; correct it there."
+    )
+
+
+def _agrees_turned(point: PointSweep, entry: str) -> bool:
+    """Whether an operating point reads its p and q once the sign of an entry of Z is turned."""
+    impedance = np.linalg.inv(point.admittance)
+    impedance[(slice(None), *ENTRIES[entry])] *= -1
+    mended = PointSweep(point.op, point.frequency, np.linalg.inv(impedance))
+    reading = angle_reading(mended, _UNKNOWN)
+    return reading is not None and reading.off(complex(point.op.p, point.op.q)) < AGREES
 
 
 def _odd(readings: Sequence[AngleReading], off: Sequence[float]) -> Iterator[str]:

@@ -25,6 +25,7 @@ from ibrid.measurement.conventions.frequency_base import (
 from ibrid.measurement.conventions.resting_axis import RestingAxis, resting_axis
 from ibrid.measurement.conventions.rotation import half_turn
 from ibrid.measurement.conventions.tail import inductive_tail
+from ibrid.measurement.conventions.units_of_entries import units_of_entries
 from ibrid.measurement.sweeps.noise import PointNoise, estimate
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
@@ -119,10 +120,12 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
 
     noise : result of noise.estimate, if already known.
     """
+    for sentence in units_of_entries(sweep):
+        return Conventions("doubt", f"they do not hold together: {sentence}", (sentence,))
     noise = estimate(sweep) if noise is None else noise
     axis = resting_axis(sweep, noise)
     if axis is not None and axis.axis == "q":
-        warning = _on_q(axis)
+        warning = exchanged_diagonal(sweep, noise, beside_axes=True) or _on_q(axis)
         return Conventions("doubt", f"they do not hold together: {warning}", (warning,))
     matches = _matches(sweep.points, noise)
     common = _common(matches)

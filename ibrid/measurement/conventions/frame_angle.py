@@ -21,6 +21,7 @@ import numpy as np
 from ibrid.measurement.conventions.conversions import Q_MIRROR
 from ibrid.measurement.conventions.rotation import half_turn
 from ibrid.measurement.conventions.tail import signs_of_tail
+from ibrid.measurement.conventions.units_of_entries import units_of_entries
 from ibrid.measurement.sweeps.noise import PointNoise
 from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 
@@ -98,7 +99,8 @@ def turned_frame(sweep: Sweep, noise: Mapping[str, PointNoise]) -> TurnedFrame |
     no frame changes, tell the direction of the current and the side of q; where they do not, what
     is declared comes first.
     """
-    if len(sweep.points) == 1 and sweep.points[0].frequency[0] > ALONE_HZ:
+    alone = len(sweep.points) == 1 and sweep.points[0].frequency[0] > ALONE_HZ
+    if alone or any(units_of_entries(sweep)):
         return None
     tails = [
         set(signs) - {0}

@@ -28,9 +28,9 @@ _SOME_POLES, UNSTABLE = 12, 0.3
 #: Entries that come from one test or one file, beside the others; a half that is late is one whose
 #: other half is early.
 _GROUPS = {
-    "{0}dq and {0}qq (the column of {1}q) stand": ("dq", "qq"),
-    "{0}qd and {0}qq (the row of {2}q) stand": ("qd", "qq"),
-    **{f"{{0}}{entry} stands": (entry,) for entry in ENTRIES},
+    "{0}dq and {0}qq (the column of {1}q) probably stand": ("dq", "qq"),
+    "{0}qd and {0}qq (the row of {2}q) probably stand": ("qd", "qq"),
+    **{f"{{0}}{entry} probably stands": (entry,) for entry in ENTRIES},
 }
 _BACKWARDS = (
     "the numbers are those of no stable device, but are once the rows run against their "
@@ -102,8 +102,8 @@ def _mended(values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
                     place = (slice(None), *ENTRIES[entry])
                     mended[place] = np.roll(matrices[place], -rows)
                 words = (
-                    f"{name.format(*quantities)} probably one frequency {side} than the other "
-                    "entries, which it fits once it is moved by one; check the rows of the file."
+                    f"{name.format(*quantities)} one frequency {side} than the other "
+                    "entries: moved by one row all fit together; check the rows of the file."
                 )
                 yield words, mended if quantities == "Yvi" else np.linalg.inv(mended)
 

@@ -1,0 +1,25 @@
+"""An entry of the diagonal in another unit than the rest."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
+
+#: Multiple of one entry that the other of the diagonal is nowhere beyond the reach of control.
+FAR_LARGER = 50
+
+
+def units_of_entries(sweep: Sweep) -> Iterator[str]:
+    """High up a filter has Ydd and Yqq alike, and Zdd and Zqq too, whose ratio is the inverse one:
+    where one of them is far larger at every frequency it is in another unit.
+    """
+    size = np.concatenate([np.abs(point.admittance) for point in sweep.points])
+    for large, small in (("qq", "dd"), ("dd", "qq")):
+        above, below = (size[(slice(None), *ENTRIES[entry])] for entry in (large, small))
+        if (above > FAR_LARGER * below).all():
+            yield (
+                f"Y{large} is more than {FAR_LARGER} times Y{small} at every frequency (Z{small} "
+                f"more than {FAR_LARGER} times Z{large}), where a filter has them alike: one of "
+                "them is probably in another unit, such as milliohm for ohm."
+            )
