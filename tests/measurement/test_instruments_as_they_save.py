@@ -1,0 +1,71 @@
+"""What analysers, recorders and scan tools save, in their own words, bundles and encodings."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from collecting import each_of
+
+import ibrid
+from ibrid.measurement.importing.importing import import_files
+
+SWEEP = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+FREQUENCY = np.array(SWEEP.points[0].frequency)
+ADMITTANCE = np.array(SWEEP.points[0].admittance)
+SAID = {
+    "unit": "pu",
+    "f0_hz": 60.0,
+    "current": "out",
+    "q_axis": "leads",
+    "voltage_axis": "d",
+    "power_node": "capacitor",
+    "p": 1.0,
+    "q": 0.3,
+}
+ENTRIES = {"dd": (0, 0), "dq": (0, 1), "qd": (1, 0), "qq": (1, 1)}
+
+
+def parts(matrix: np.ndarray) -> np.ndarray:
+    """(K, 8) real and imaginary parts of the entries in their order."""
+    return np.stack([matrix.reshape(-1, 4).real, matrix.reshape(-1, 4).imag], axis=-1).reshape(
+        -1, 8
+    )
+
+
+def text_of(names: list[str], columns: np.ndarray, mark: str = ",") -> str:
+    rows = [mark.join(f"{value:.12g}" for value in row) for row in columns.tolist()]
+    return "\n".join([mark.join(names), *rows]) + "\n"
+
+
+def require_admittance(paths: list[Path], *maps: str, **said: object) -> None:
+    sweep = import_files(paths, maps, **{**SAID, **said}).answered()
+    assert sweep.points[0].frequency == pytest.approx(FREQUENCY, rel=1e-9)
+    assert sweep.points[0].admittance == pytest.approx(ADMITTANCE, rel=1e-6, abs=1e-9)
+
+
+@each_of(
+    "name",
+    [
+        "Frequency in dq [Hz]",
+        "Frequency (dq) [Hz]",
+        "dq frequency / Hz",
+        "Frequency (dq frame) (Hz)",
+        "dq-frame frequency in Hz",
+        "f in dq [Hz]",
+    ],
+)
+def test_a_frequency_that_is_called_that_in_dq_is_the_frequency(tmp_path, name):
+    names = [name, *(f"Y{entry}_{part}" for entry in ENTRIES for part in ("re", "im"))]
+    path = tmp_path / "scan.csv"
+    path.write_text(text_of(names, np.column_stack([FREQUENCY, parts(ADMITTANCE)])))
+    require_admittance([path])
+
+
+@each_of("name", ["Frequency in dq [Hz]", "f_dq (Hz)"])
+def test_sequences_at_a_frequency_called_that_in_dq_ask_nothing_more(tmp_path, name):
+    turn = np.array([[1, 1j], [1, -1j]]) / np.sqrt(2)
+    sequences = turn @ ADMITTANCE @ np.linalg.inv(turn)
+    names = [name, *(f"Y{entry}_{part}" for entry in ("pp", "pn", "np", "nn") for part in "ri")]
+    path = tmp_path / "scan.csv"
+    path.write_text(text_of(names, np.column_stack([FREQUENCY, parts(sequences)])))
+    require_admittance([path])
