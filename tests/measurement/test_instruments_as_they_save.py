@@ -7,6 +7,7 @@ import pytest
 from collecting import each_of
 
 import ibrid
+from ibrid.measurement.formats.files import decoded
 from ibrid.measurement.importing.importing import import_files
 
 SWEEP = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
@@ -69,3 +70,32 @@ def test_sequences_at_a_frequency_called_that_in_dq_ask_nothing_more(tmp_path, n
     path = tmp_path / "scan.csv"
     path.write_text(text_of(names, np.column_stack([FREQUENCY, parts(sequences)])))
     require_admittance([path])
+
+
+@each_of(
+    "encoding, frequency, entry",
+    [
+        ("gb2312", "频率(Hz)", "Y{}{}部(标幺)|实|虚"),
+        ("gbk", "扫描频率（Hz）", "Y{}（{}部）（标幺）|实|虚"),
+        ("euc-kr", "주파수(Hz)", "Y{}_{}수|실|허"),
+        ("cp949", "주파수 [Hz]", "어드미턴스 Y{} {}수부|실|허"),
+        ("cp932", "周波数 [Hz]", "Y{}{}部|実|虚"),
+        ("utf-8-sig", "주파수 (Hz)", "Y{} ({}부) [pu]|실|허"),
+        ("cp1252", "Frequenz [Hz]", "Y{} {}teil|Real|Imaginär"),
+        ("utf-8", "Fréquence (Hz)", "Y{} (partie {})|réelle|imaginaire"),
+        ("latin-1", "Frecuencia (Hz)", "Parte {1} de Y{0}|real|imaginaria"),
+    ],
+)
+def test_words_of_real_and_imaginary_part_in_other_languages(tmp_path, encoding, frequency, entry):
+    form, *words = entry.split("|")
+    names = [frequency, *(form.format(one, word) for one in ENTRIES for word in words)]
+    path = tmp_path / "scan.csv"
+    path.write_bytes(
+        text_of(names, np.column_stack([FREQUENCY, parts(ADMITTANCE)])).encode(encoding)
+    )
+    require_admittance([path])
+
+
+@each_of("words", ["Größe ändert", "répété", "hänge Wärme übertrage", "Ç1 ñandú, años"])
+def test_words_of_europe_are_not_taken_for_those_of_asia(words):
+    assert decoded(words.encode("cp1252")) == words

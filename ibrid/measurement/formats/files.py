@@ -2,7 +2,9 @@
 not at all.
 """
 
+import contextlib
 import os.path
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -15,6 +17,15 @@ from ibrid.writing import write_whole
 MAX_BYTES = bundle.LARGEST
 #: Bytes of a file that show how it begins.
 BEGINNING = 1 << 16
+#: Encodings of text, and what must be in it: words of tables where bytes alone do not tell, two
+#: characters of Chinese beside each other, as one may be two letters of another language (Größe).
+_WRITTEN = {
+    "utf-8-sig": "",
+    "cp949": "주파수|실수|허수|실부|허부|전압|전류|시간|위상|크기",
+    "cp932": "時間|周波数|電圧|電流|実部|虚部|実数|虚数|位相",
+    "gb2312": "[\u4e00-\u9fff]{2}",
+    "cp1252": "",
+}
 LONGEST_LINE = 20_000
 
 
@@ -66,16 +77,25 @@ def read_lines(path: Path) -> list[str]:
 
 
 def head_lines(path: Path) -> list[str]:
-    """The lines with which a text file begins, whatever its encoding; the last may be cut off.
+    """The lines with which a text file begins, whatever its encoding; the last may be left out.
 
     Raises SweepError as `read_bytes`.
     """
     content = _beginning(path)
-    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
-    text = content.decode("utf-16" if wide else "utf-8-sig", errors="replace")
-    if "\ufffd" in text[:-1] and not wide:  # but for a letter that is cut off
-        text = content.decode("cp1252", errors="replace")
-    return text.splitlines()
+    if len(content) == BEGINNING:
+        content = content[: content.rfind(b"\n") + 1] or content
+    return decoded(content).splitlines()
+
+
+def decoded(content: bytes) -> str:
+    """Text of any encoding, of those of countries the first in whose letters words are written."""
+    if content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return content.decode("utf-16", errors="replace")
+    for encoding, words in _WRITTEN.items():
+        with contextlib.suppress(UnicodeDecodeError):
+            if re.search(words, text := content.decode(encoding)):
+                return text
+    return content.decode("latin-1")
 
 
 def _beginning(path: Path) -> bytes:

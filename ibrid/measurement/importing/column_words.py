@@ -23,6 +23,8 @@ UNITS |= {
     "v_pk": ("voltage", 1.5**0.5),
     "v_peak": ("voltage", 1.5**0.5),
 }
+#: Brackets as wide as letters of Chinese.
+WIDE = str.maketrans("（）［］", "()[]")
 _PREFIXED = {"u": 1e-6, "µ": 1e-6, "μ": 1e-6, "m": 1e-3, "k": 1e3, "K": 1e3, "M": 1e6, "G": 1e9}
 _PARTS: dict[str, str] = _WORDS["parts"]
 BESIDE: dict[str, str] = _WORDS["beside"]
@@ -34,7 +36,7 @@ _PART_BEHIND = "|".join(
 )
 _QUANTITY = (
     r"(?P<letter>[yzgbrx])(?P<of_letter>[a-z]{0,9}?)|"
-    r"(?P<word>admittance|impedance|adm|imp|阻抗|导纳|responsedata)(?P<of_word>[a-z]{0,9}?)"
+    r"(?P<word>admittance|impedance|adm|imp|阻抗|导纳|임피던스|어드미턴스|responsedata)(?P<of_word>[a-z]{0,9}?)"
 )
 #: Words behind Y or Z with which the numbers are others than those of the inverter as it stands.
 _CHANGES = re.compile(_WORDS["of"]["changes"])
@@ -50,7 +52,7 @@ _ARROW = re.compile(
 )
 _ENTRY = r"(?P<entry>dd|dq|qd|qq|pp|pn|np|nn|[12][12])"
 _ALONE = r"(?P<entry>positivesequence|positive|posseq|pos|p|1|plus)"
-_BEFORE = rf"(?:{_PART.format('a')})?(?:of|de)?(?:{_QUANTITY})??"
+_BEFORE = rf"(?:{_PART.format('a')})?(?:of|de|von)?(?:{_QUANTITY})??"
 _BEHIND = rf"(?:sequence)?(?:impedance|admittance)?(?:in)?(?:{_PART_BEHIND})?"
 _MATRIX, _POSITIVE = (re.compile(_BEFORE + entry + _BEHIND) for entry in (_ENTRY, _ALONE))
 _SIGMA = re.compile(rf"(?:sigma|std|stddev|sd|uncertainty)(?:[yz])?(?:{_ENTRY})?")
@@ -177,7 +179,7 @@ def _meaning(name: str) -> Meaning:
     word = (groups["word"] or "").replace(
         "responsedata", ""
     )  # of a frd of MATLAB, which does not say of what
-    letter = (groups["letter"] or word[:1].translate(str.maketrans("ai导阻", "yzyz"))).upper()
+    letter = (groups["letter"] or word[:1].translate(str.maketrans("ai导阻어임", "yzyzyz"))).upper()
     letter = letter or "Z" * (groups["entry"] == "plus")  # Ph+ of PSCAD, beside Z+
     if letter in ("R", "X", "G", "B"):
         part, letter = part or ("re" if letter in "RG" else "im"), "Z" if letter in "RX" else "Y"
@@ -203,13 +205,14 @@ def letters_of(name: str) -> str:
     before what it comes from: dq of q->d.
     """
     turned = _ARROW.sub(r"\2\1", name.lower().replace("+", "plus"))
-    return re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", turned))
+    return unicodedata.normalize("NFC", re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", turned)))
 
 
 def without_unit(name: str) -> tuple[str, str]:
     """A name and the unit in it: behind it in brackets, after a slash, " in " or an underscore; ""
     where there is none.
     """
+    name = name.translate(WIDE)
     for bracket in re.finditer(r"\[([^\[\]]+)\]|\(([^()]+)\)|\{([^{}]+)\}", name):
         inner = next(text for text in bracket.groups() if text).strip()
         for word in (inner, *re.split(r"[,;]\s*", inner)):

@@ -11,7 +11,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.foreign_data import json_in
 from ibrid.measurement.formats.bundle import stem_of, suffix_of
-from ibrid.measurement.formats.files import read_bytes, require_short_lines
+from ibrid.measurement.formats.files import decoded, read_bytes, require_short_lines
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.binary import foreign_binary as binary
 from ibrid.measurement.importing.binary.hdf5_file import hdf5_arrays
@@ -29,9 +29,6 @@ from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberForm
 from ibrid.measurement.importing.numbers.percent import scaled_once, shown_beside_names
 from ibrid.measurement.importing.shapes.parts_of_text import blocks_of, labview_named
 
-#: Two characters of Chinese beside each other: one alone may be two letters of another language, as
-#: in Größe.
-_CHINESE = re.compile("[\u4e00-\u9fff]{2}")
 _HDF5 = b"\x89HDF"
 #: How a file begins, or how its name ends: what reads it, and what it must be.
 _MAKES = {
@@ -64,7 +61,7 @@ def read_tables(
         _MAKES.get(_HDF5 if begin == _HDF5 else suffix_of(path)) or _MAKES.get(begin),
     )
     if made is None:
-        blocks = blocks_of(labview_named(_decoded(content, where)))
+        blocks = blocks_of(labview_named(_lines_of(content, where)))
         return [
             text_table(lines, where, f"{whole} {k + 1}" if k else whole, form, before)
             for k, (before, lines) in enumerate(blocks)
@@ -183,17 +180,8 @@ def _groups_alike(arrays: dict[str, np.ndarray]) -> list[str]:
     return list(held) if is_sweep else []
 
 
-def _decoded(content: bytes, where: str) -> list[str]:
-    wide = content[:2] in (b"\xff\xfe", b"\xfe\xff")
-    for encoding in ("utf-16",) if wide else ("utf-8-sig", "gb2312", "cp1252", "latin-1"):
-        try:
-            text = content.decode(encoding)
-            if encoding != "gb2312" or _CHINESE.search(text):
-                break
-        except UnicodeDecodeError:
-            continue
-    else:
-        text = "\0"
+def _lines_of(content: bytes, where: str) -> list[str]:
+    text = decoded(content)
     if "\0" in text:
         raise SweepError(
             f"{where} must be a table as text, a workbook, Parquet, MAT or HDF5; found other bytes."

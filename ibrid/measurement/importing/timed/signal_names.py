@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
 
-from ibrid.measurement.importing.column_words import CONJUGATE_SIGN
+from ibrid.measurement.importing.column_words import CONJUGATE_SIGN, WIDE
 
 _WORDS = tomllib.loads(
     (files("ibrid.measurement.importing.timed") / "signal_words.toml").read_text(encoding="utf-8")
@@ -133,6 +133,7 @@ def split_unit(name: str) -> tuple[str, str]:
     """A name and the unit in it: in brackets, or behind it after " in ", a slash, an underscore or
     a blank; "" for none.
     """
+    name = name.translate(WIDE)
     for bracket in _BRACKETS.finditer(name):
         inner = next(text for text in bracket.groups() if text)
         if size_of(inner):
@@ -245,7 +246,8 @@ def _tokens(leaf: str) -> list[str]:
 
 
 def _plain(word: str) -> str:
-    return re.sub(r"[\W_]", "", unicodedata.normalize("NFKD", word.lower()))
+    apart = unicodedata.normalize("NFKD", word.lower())
+    return unicodedata.normalize("NFC", re.sub(r"[\W_]", "", apart))
 
 
 def _without_place(compact: str) -> list[str]:
