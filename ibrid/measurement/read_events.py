@@ -131,9 +131,7 @@ def is_events_file(path: Path) -> bool:
     column names.
     """
     suffix = suffix_of(path)
-    if suffix == ".dat" and any(
-        one.stem == path.stem and one.suffix.lower() == ".cfg" for one in beside(path)
-    ):
+    if _configuration_of(path) != path:
         return True
     if suffix in (*SUFFIXES, PSOUT) and suffix != ".dat":
         return True
@@ -196,10 +194,8 @@ def _configuration_of(path: Path) -> Path:
     """
     if path.suffix.lower() != ".dat":
         return path
-    return next(
-        (one for one in beside(path) if one.stem == path.stem and one.suffix.lower() == ".cfg"),
-        path,
-    )
+    called = f"{path.stem.lower()}.cfg"
+    return next((one for one in beside(path) if one.name.lower() == called), path)
 
 
 def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:

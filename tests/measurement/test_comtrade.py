@@ -2,6 +2,7 @@
 as the same numbers.
 """
 
+import shutil
 import struct
 from pathlib import Path
 
@@ -14,6 +15,7 @@ pytest.importorskip(
 
 from ibrid.errors import SweepError
 from ibrid.measurement.importing.timed import comtrade_file
+from ibrid.measurement.importing.timed.recording_files import each_once
 from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.read_events import is_events_file, read_events
 from ibrid.measurement.recordings.channels import Channel, role_of
@@ -509,3 +511,31 @@ def test_what_is_said_beside_the_configuration_holds_whichever_file_of_a_record_
     (tmp_path / "dip.cfg.meta").write_text("current: in\n", encoding="utf-8")
     by_name = [read_events(one, **BASES)["dip"].rest.p for one in (path, path.with_suffix(".dat"))]
     assert by_name[0] == by_name[1] < 0
+
+
+@pytest.mark.usefixtures("in_process")
+@pytest.mark.parametrize(
+    ("bundle", "names"),
+    [
+        ("dip.zip", ("2024/dip.CFG", "2024/dip.DAT")),
+        ("dip.tar.gz", ("2024/DIP.CFG", "2024/dip.dat")),
+        ("", ("dip.CFG", "Dip.DAT")),
+    ],
+    ids=["zip", "tar", "folder"],
+)
+def test_a_record_in_capitals_is_read_in_an_archive_and_in_a_folder(
+    tmp_path: Path, bundle: str, names: tuple[str, str]
+):
+    path = store(tmp_path, configuration("BINARY"), samples("BINARY", phases(TIME) / STEP))
+    for old, name in zip((path, path.with_suffix(".dat")), names, strict=True):
+        new = tmp_path / "made" / name
+        new.parent.mkdir(parents=True, exist_ok=True)
+        old.rename(new)
+    place = tmp_path / "made"
+    if bundle:
+        kind = "zip" if bundle.endswith("zip") else "gztar"
+        place = Path(shutil.make_archive(str(tmp_path / "dip"), kind, place))
+        assert place.name == bundle
+    (record,) = each_once([place / names[0], place / names[1]])
+    assert is_events_file(place / names[1])
+    assert_is_the_dip(read_events(record, **BASES)[record.stem])

@@ -1,5 +1,6 @@
 """What analysers, recorders and scan tools save, in their own words, bundles and encodings."""
 
+import tarfile
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +8,10 @@ import pytest
 from collecting import each_of
 
 import ibrid
+from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import decoded
 from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.importing.timed.recording_files import each_once
 
 SWEEP = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
 FREQUENCY = np.array(SWEEP.points[0].frequency)
@@ -99,3 +102,27 @@ def test_words_of_real_and_imaginary_part_in_other_languages(tmp_path, encoding,
 @each_of("words", ["Größe ändert", "répété", "hänge Wärme übertrage", "Ç1 ñandú, años"])
 def test_words_of_europe_are_not_taken_for_those_of_asia(words):
     assert decoded(words.encode("cp1252")) == words
+
+
+@each_of("kind", ["scan.tar", "scan.tar.gz", "scan.tgz", "scan.tar.xz"])
+def test_a_tar_archive_is_read_as_a_zip_archive_is(tmp_path, kind):
+    names = ["f_hz", *(f"Y{entry}_{part}" for entry in ENTRIES for part in ("re", "im"))]
+    for name, factor in (("P80kW_Q10kvar", 1.0), ("P40kW_Q10kvar", 0.5)):
+        table = np.column_stack([FREQUENCY, parts(ADMITTANCE * factor)])
+        (tmp_path / f"{name}.csv").write_text(text_of(names, table))
+    (tmp_path / "README.txt").write_text("Thanks, Ana")
+    path = tmp_path / kind
+    with tarfile.open(
+        path, "w:" + {"tgz": "gz", "tar": ""}.get(kind.split(".")[-1], kind[9:])
+    ) as to:
+        for name in ("README.txt", "P80kW_Q10kvar.csv", "P40kW_Q10kvar.csv"):
+            to.add(tmp_path / name, f"./scan/{name}")
+    files = each_once([path])
+    assert [file.name for file in files] == ["P80kW_Q10kvar.csv", "P40kW_Q10kvar.csv"]
+    sweep = import_files(files, **{**SAID, "p": None, "q": None}, base="100kVA,400V").answered()
+    assert [(point.op.p, point.op.q) for point in sweep.points] == [(0.8, 0.1), (0.4, 0.1)]
+    assert sweep.points[0].admittance == pytest.approx(2 * sweep.points[1].admittance)
+    require_admittance([files[0]])
+    path.write_bytes(path.read_bytes()[: len(path.read_bytes()) // 3])
+    with pytest.raises(SweepError, match=r"must be .*(cut off|cannot be read|No such|archive)"):
+        each_once([path])

@@ -6,9 +6,12 @@ import bz2
 import io
 import lzma
 import os.path
+import re
+import tarfile
 import zipfile
 import zlib
 from collections.abc import Callable
+from functools import lru_cache
 from pathlib import Path
 
 from ibrid.errors import SweepError
@@ -23,7 +26,7 @@ _PACKERS = {b"\x1f\x8b": "gzip", b"\xfd7zXZ\x00": "xz", b"BZh": "bzip2"}
 PACKED = tuple(_PACKERS)
 #: Endings of the name of a file that only say how it is compressed.
 ENDINGS = (".gz", ".xz", ".bz2")
-ARCHIVE = ".zip"
+_ARCHIVE = re.compile(r".*\.(zip|tar|tgz|tar\.(gz|xz|bz2))", re.IGNORECASE)
 #: Files of an archive that hold no numbers.
 _BESIDE = (
     ".meta",
@@ -57,7 +60,7 @@ def files_in(path: Path) -> list[Path]:
 
     SweepError for an archive that is none.
     """
-    if path.suffix.lower() != ARCHIVE or not path.is_file():
+    if not _ARCHIVE.fullmatch(path.name) or not path.is_file():
         return [path]
     with _opened(path) as archive:
         names = [one.filename for one in archive.infolist() if not one.is_dir()]
@@ -181,7 +184,7 @@ def _is_data(name: Path) -> bool:
 def _in_archive(path: Path) -> tuple[Path | None, str]:
     """The archive in which a path lies, and its name there."""
     for folder in path.parents:
-        if folder.suffix.lower() == ARCHIVE and os.path.isfile(folder):
+        if _ARCHIVE.fullmatch(folder.name) and os.path.isfile(folder):
             return folder, path.relative_to(folder).as_posix()
     return None, ""
 
@@ -193,8 +196,25 @@ def _opened(path: Path) -> zipfile.ZipFile:
                 f"{path} must be at most {LARGEST // 10**6} MB; unpack it and name one file."
             )
         announce(path)
+        if path.suffix.lower() != ".zip":
+            return zipfile.ZipFile(io.BytesIO(_zipped(path, path.stat().st_mtime_ns)))
         return zipfile.ZipFile(io.BytesIO(path.read_bytes()))
-    except (zipfile.BadZipFile, OSError, ValueError, NotImplementedError):
+    except (zipfile.BadZipFile, tarfile.TarError, OSError, ValueError, NotImplementedError):
         raise SweepError(
-            f"{path} must be a zip archive; it cannot be read, save it again."
+            f"{path} must be a {path.suffix.lower()[1:]} archive; it cannot be read, save it again."
         ) from None
+
+
+@lru_cache(1)
+def _zipped(path: Path, changed: int) -> bytes:
+    """The regular files of a tar archive, which may be compressed, as a zip archive."""
+    zipped = io.BytesIO()
+    with (
+        tarfile.open(fileobj=io.BytesIO(unpacked(path.read_bytes(), path)), mode="r:") as packed,
+        zipfile.ZipFile(zipped, "w") as archive,
+    ):
+        files = {one.name.removeprefix("./"): one for one in packed.getmembers() if one.isreg()}
+        _require_size(path, sum(one.size for one in files.values()))
+        for name, one in files.items():
+            archive.writestr(name, packed.extractfile(one).read())  # pyright: ignore
+    return zipped.getvalue()

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from ibrid.errors import SweepError
+from ibrid.measurement.formats.bundle import beside
 from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.binary.foreign_binary import comtrade_arrays
@@ -183,12 +184,13 @@ def _content(path: Path) -> bytes:
 
 
 def _beside(path: Path, suffix: str) -> Path:
-    """The file of that suffix, in small or capital letters."""
+    """The file of that suffix, in small or capital letters, in its folder or archive."""
     if path.suffix.lower() == suffix:
         return path
-    for one in (suffix, suffix.upper(), suffix.capitalize()):
-        if (found := path.with_suffix(one)).exists():
-            return found
+    wanted = path.stem.lower() + suffix
+    for one in sorted(beside(path), key=lambda one: one.stem != path.stem):
+        if one.name.lower() == wanted:
+            return one
     raise SweepError(
         f"{path} must lie beside the {suffix[1:]} file of the record; found none, copy "
         f"{path.with_suffix(suffix).name} there."
