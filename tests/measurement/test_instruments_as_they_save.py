@@ -126,3 +126,86 @@ def test_a_tar_archive_is_read_as_a_zip_archive_is(tmp_path, kind):
     path.write_bytes(path.read_bytes()[: len(path.read_bytes()) // 3])
     with pytest.raises(SweepError, match=r"must be .*(cut off|cannot be read|No such|archive)"):
         each_once([path])
+
+
+IMPEDANCE = np.linalg.inv(ADMITTANCE) * 1.6
+OF_ANALYSER = {"unit": None, "base": "100kVA,400V"}
+
+
+def analyser_files(folder: Path, called: str, names: str, form: str, above: str = "") -> list[Path]:
+    """form : in which order the analyser writes f, Z, theta, R and X of an entry."""
+    paths = []
+    for entry, place in ENTRIES.items():
+        values = IMPEDANCE[:, *place]
+        held = {"f": FREQUENCY, "Z": np.abs(values), "theta": np.angle(values, deg=True)}
+        held |= {"R": values.real, "X": values.imag}
+        path = folder / called.format(entry)
+        table = np.column_stack([held[name] for name in form.split()])
+        path.write_text(above + text_of(names.split("; "), table))
+        paths.append(path)
+    return paths
+
+
+NF = '"Frequency[Hz]"; "|Z|[ohm]"; "Theta[deg]"; "R[ohm]"; "X[ohm]"'
+
+
+@each_of(
+    "called, names, form",
+    [
+        ("Z{}_NF.csv", NF, "f Z theta R X"),
+        ("{}_hioki.csv", "FREQUENCY[Hz]; Z[ohm]; PHASE[deg]; Rs[ohm]; X[ohm]", "f Z theta R X"),
+        ("run1 Z{} (2).csv", "Frequency(Hz); |Z|(ohm)-data; theta-z(deg)-data", "f Z theta"),
+        ("Z{}.csv", "Frequency(Hz); R(Ohm); X(Ohm); Theta(deg); |Z|(Ohm)", "f R X theta Z"),
+    ],
+)
+def test_four_files_of_an_impedance_analyser_are_the_entries(tmp_path, called, names, form):
+    require_admittance(analyser_files(tmp_path, called, names, form), **OF_ANALYSER)
+
+
+def test_the_columns_of_four_files_are_named_by_map_whatever_their_names_say(tmp_path):
+    paths = analyser_files(tmp_path, "Z{}_NF.csv", NF, "f Z theta R X")
+    require_admittance(paths, "Z=#2@#3", **OF_ANALYSER)
+    require_admittance(paths, "Z=#4+j#5", **OF_ANALYSER)
+
+
+def test_resistance_and_reactance_that_are_not_those_of_magnitude_and_angle_are_refused(tmp_path):
+    names = NF.replace("R[", "r[").replace("X[", "R[").replace("r[", "X[")
+    paths = analyser_files(tmp_path, "Z{}_NF.csv", names, "f Z theta R X")
+    with pytest.raises(SweepError, match=r"NF.csv line 2: R.* --map Z=#5\+j#4 or Z=#2@#3"):
+        import_files(paths, **{**SAID, **OF_ANALYSER})
+
+
+def test_a_fifth_file_beside_the_four_entries_is_said(tmp_path):
+    paths = analyser_files(tmp_path, "Z{}_NF.csv", NF, "f Z theta R X")
+    notes, point = tmp_path / "notes.txt", tmp_path / "op.csv"
+    notes.write_text("Measured on Tuesday\nby Ana\n")
+    point.write_text("P [kW],Q [kvar],T [C]\n100,30,21\n")
+    said = {**SAID, **OF_ANALYSER, "p": None, "q": None}
+    imported = import_files([*paths, notes, point], **said)
+    operating_point = imported.answered().points[0].op
+    assert (operating_point.p, operating_point.q) == pytest.approx((1.0, 0.3))
+    assert any("notes.txt must hold rows of numbers" in remark for remark in imported.remarks)
+    assert any("op.csv holds no entry of a matrix" in remark for remark in imported.remarks)
+    with pytest.raises(SweepError, match=r"notes.txt must hold rows of numbers"):
+        import_files([*paths[:3], notes], **said)
+
+
+@each_of("is_complex", [True, False])
+def test_traces_of_an_impedance_analyser_below_each_other_are_one_table(tmp_path, is_complex):
+    """The 4294A writes each trace with its format above it, the second column zero where the
+    format is a real number.
+    """
+    paths = []
+    for entry, place in ENTRIES.items():
+        z = IMPEDANCE[:, *place]
+        first = z if is_complex else np.abs(z)
+        blocks = []
+        for trace, form, values in (("A", "|Z|", first), ("B", "theta", np.angle(z, deg=True))):
+            table = np.column_stack([FREQUENCY, values.real, values.imag])
+            names = ['"Frequency"', '"Real"', '"Imaginary"']
+            blocks.append(
+                f'"TRACE: {trace}"\n"FORMAT: {form}"\n\n{text_of(names, table, chr(9))}\n'
+            )
+        paths.append(tmp_path / f"Z{entry}.TXT")
+        paths[-1].write_text('"4294A REV1.11"\n"DATE: Dec/01/2025"\n\n' + "".join(blocks))
+    require_admittance(paths, **OF_ANALYSER)

@@ -159,7 +159,8 @@ def _meaning(name: str) -> Meaning:
     if matched is None:
         for role, pattern in ROLE_NAMES.items():
             if re.fullmatch(pattern, compact) and role not in _DIMENSIONS:
-                ends = (compact[0], compact[-1]) if role in _PARTS else ()
+                plain = re.fullmatch(_PARTS.get(role, compact), compact)  # imaginary is none of y
+                ends = () if plain else (compact[0], compact[-1])
                 letter = next((end.upper() for end in ends if end in "yz"), "")
                 return Meaning(role, letter=_letter(letter, dimension), **measured)
         of = _letter("", dimension)

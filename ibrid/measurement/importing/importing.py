@@ -23,6 +23,7 @@ from ibrid.measurement.formats.pscad import pscad_response
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
 from ibrid.measurement.importing.column_map import without_map_of_entry
+from ibrid.measurement.importing.column_words import entry_named
 from ibrid.measurement.importing.doubts.alike_points import mind_alike_points
 from ibrid.measurement.importing.dq_frequency import in_dq
 from ibrid.measurement.importing.foreign_part import OF_EACH, Part, part_of, per_unit
@@ -47,7 +48,11 @@ from ibrid.measurement.importing.numbers.number_format import number_format, wit
 from ibrid.measurement.importing.point_rows import operating_points
 from ibrid.measurement.importing.repeated_runs import require_repeats
 from ibrid.measurement.importing.shapes.copied_rows import without_copied_rows
-from ibrid.measurement.importing.shapes.entries_apart import joined_entries, widened
+from ibrid.measurement.importing.shapes.entries_apart import (
+    entries_last,
+    joined_entries,
+    widened,
+)
 from ibrid.measurement.importing.shapes.long_tables import with_entries
 from ibrid.measurement.importing.shapes.more_ports import own_block
 from ibrid.measurement.importing.shapes.rest_columns import with_rest
@@ -114,6 +119,7 @@ def import_files(
     Raises SweepError: one sentence with file and line, for what cannot be read or understood.
     """
     tables, shared, maps = [], [], tuple(maps)
+    unread: list[SweepError] = []
     form, said = number_format(said), without_format(said)
     for path in map(Path, paths):
         response = touchstone_response(path) if path.suffix.lower() in TOUCHSTONE else None
@@ -121,7 +127,11 @@ def import_files(
         if response is None:
             told, notes = sidecar_keys(path)
             shared += [f"{key}: {value}" for key, value in told.items() if key in HEADER_KEYS]
-            held = read_tables(path, frequency, form)
+            try:
+                held = read_tables(path, frequency, form)
+            except SweepError as reason:
+                unread.append(reason)
+                continue
         else:
             told, notes = response.told, response.notes
             matrix = f"{response.quantity.letter}{'pn' if response.quantity.sequence else ''}"
@@ -140,7 +150,13 @@ def import_files(
             replace(table, notes=(*notes, *table.notes), op=str(told.get("op", "")) or table.op)
             for table in held
         ]
-    tables = [replace(table, notes=(*table.notes, *shared)) for table in tables]
+    tables = entries_last(tables)
+    if unread and len({entry_named(table.stem) for table in tables} - {""}) < 4:
+        raise unread[0]
+    beside = [f"not used: {reason}" for reason in unread]
+    tables = [
+        replace(one, notes=(*one.notes, *shared), remarks=(*one.remarks, *beside)) for one in tables
+    ]
     return import_tables(
         tables, maps, **{key: value for key, value in said.items() if value is not None}
     )

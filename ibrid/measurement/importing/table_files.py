@@ -40,6 +40,9 @@ _MAKES = {
     b"PK\3\4": (binary.workbook_cells, "a workbook (xlsx, xls, ods)"),
     b"\xd0\xcf\x11\xe0": (binary.workbook_cells, "a workbook (xlsx, xls, ods)"),
 }
+#: The format of a trace above it, and by its first letter the unit.
+_FORMAT = re.compile(r'^"?FORMAT:\s*"?([^"\n]+?)"?\s*$', re.MULTILINE)
+_OF_FORMATS = {**dict.fromkeys("ZRX", "ohm"), **dict.fromkeys("YGB", "S"), "T": "deg"}
 #: Lines of a table as text.
 MOST_LINES = 500_000
 
@@ -62,10 +65,11 @@ def read_tables(
     )
     if made is None:
         blocks = blocks_of(labview_named(_lines_of(content, where)))
-        return [
+        tables = [
             text_table(lines, where, f"{whole} {k + 1}" if k else whole, form, before)
             for k, (before, lines) in enumerate(blocks)
         ]
+        return traces_joined(tables)
     if made[0] is binary.json_cells and (
         models := state_space_tables(json_model(content), where, whole, at)
     ):
@@ -109,6 +113,29 @@ def read_tables(
         table = scaled_once(table, percent[name], places)
         tables.append(replace(table, book=whole * several, remarks=(*remarks, *table.remarks)))
     return tables
+
+
+def traces_joined(tables: list[ForeignTable]) -> list[ForeignTable]:
+    """The traces of an impedance analyser, whose format stands above each (`FORMAT: |Z|`), side by
+    side; other tables as they are.
+    """
+    formats = [[*{*_FORMAT.findall("\n".join(table.notes))}] for table in tables]
+    columns: dict[str, np.ndarray] = {}
+    for table, form in zip(tables, formats, strict=True):
+        name, *parts = table.columns
+        held = [table.columns[part] for part in parts]
+        if len(form) != 1 or not 1 <= len(parts) <= 2 or {one.dtype.kind for one in held} != {"f"}:
+            return tables
+        grid = table.columns[name]
+        if not np.array_equal(columns.setdefault(name, grid), grid):
+            return tables
+        unit = _OF_FORMATS.get(form[0].strip("|")[:1].upper(), "")
+        if len(held) == 2 and held[1].any():
+            real, imaginary = ("G [S]", "B [S]") if unit == "S" else ("R [ohm]", "X [ohm]")
+            columns |= {real: held[0], imaginary: held[1]}
+        else:
+            columns[f"{form[0]} [{unit}]" if unit else form[0]] = held[0]
+    return [replace(tables[0], columns=columns)]
 
 
 def json_model(content: bytes) -> dict[str, np.ndarray]:

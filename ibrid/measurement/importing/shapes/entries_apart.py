@@ -23,6 +23,7 @@ from ibrid.measurement.importing.column_words import (
 )
 from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.shapes.long_tables import matrix_and_unit
+from ibrid.measurement.sweeps.quantities import percent
 
 #: Parts of a number, of whatever entry.
 _GENERIC = ("re", "im", "mag", "phase")
@@ -32,6 +33,12 @@ _WHOLE = {"impedance": "Z", "admittance": "Y", "z": "Z", "y": "Y"}
 #: Real and imaginary part as impedance spectroscopy writes them: Z', -Z'' (b), Z".
 _PRIMED = re.compile(r"""\s*[-−–]?\s*([YZyz])\s*('{1,2}|")(?!')""")
 
+#: The name of an entry anywhere in that of a file: 2024_Zdd_NF.
+_WITHIN = re.compile(
+    r"(?<![a-z0-9])[yz]?[_\- ]?(dd|dq|qd|qq|pp|pn|np|nn|[12]{2})(?![a-z0-9])", re.IGNORECASE
+)
+#: How far R and X may be from |Z| and its angle beside them, as a part.
+_ROUNDED = 0.02
 _PRIMES = {"'": "re", "''": "im", '"': "im"}
 
 
@@ -78,6 +85,65 @@ def widened(table: ForeignTable) -> ForeignTable:
     return replace(table, columns=columns, line=table.line[first])
 
 
+def entries_last(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
+    """The tables, of four files whose names differ by their entry alone each with that at its end;
+    a file beside them that holds no matrix is left out, and what it says of p, q and v is a note.
+    """
+    apart: dict[str, dict[str, ForeignTable]] = {}
+    for table in tables:
+        for said in () if entry_named(table.stem) else _WITHIN.finditer(table.stem):
+            rest = f"{table.stem[: said.start()]}{table.stem[said.end() :]}".strip("_- ")
+            apart.setdefault(rest, {})[said[0]] = replace(table, stem=f"{rest}_{said[0]}")
+    fours = [held for held in apart.values() if len({*map(entry_named, held)}) == len(held) == 4]
+    moved = {one.where: one for held in fours for one in held.values()}
+    tables = [moved.get(table.where, table) for table in tables]
+    if len({entry_named(table.stem) for table in tables} - {""}) < 4:
+        return tables
+    kept, notes, remarks = [], [], []
+    for table in tables:
+        meanings = {name: meaning_of(name) for name in table.columns}
+        if entry_named(table.stem) or {"matrix", *_GENERIC} & {m.role for m in meanings.values()}:
+            kept.append(table)
+            continue
+        said = [name for name, one in meanings.items() if one.role in ("p", "q", "v")]
+        said = said if len(table.line) == 1 else []
+        notes += [f"{meanings[n].role}: {table.columns[n][0]} {meanings[n].unit}" for n in said]
+        notes += table.notes
+        words = f", but for {', '.join(said)}" if said else ""
+        remarks.append(f"{table.where} holds no entry of a matrix: not used{words}")
+    return [
+        replace(one, notes=(*one.notes, *notes), remarks=(*one.remarks, *remarks)) for one in kept
+    ]
+
+
+def _with_one_reading(table: ForeignTable) -> ForeignTable:
+    """The table without magnitude and phase where real and imaginary part stand beside them.
+
+    Raises SweepError where they are another number.
+    """
+    named = {one.role: name for name in table.columns if (one := meaning_of(name)).role in _GENERIC}
+    if len(named) < len(_GENERIC):
+        return table
+    size, angle = (meaning_of(named[part]) for part in ("mag", "phase"))
+    real, imaginary, magnitude, phase = (table.columns[named[part]] for part in _GENERIC)
+    unit = meaning_of(named["re"])
+    if unit.dimension == size.dimension:
+        turns = phase if angle.dimension == "angle in radians" else np.deg2rad(phase)
+        number = unit.factor * (real + 1j * imaginary)
+        away = np.abs(number - size.factor * magnitude * np.exp(1j * turns))
+        if (wrong := away > _ROUNDED * np.abs(number)).any():
+            row, columns = int(np.argmax(wrong)), list(table.columns)
+            place = {part: f"#{columns.index(name) + 1}" for part, name in named.items()}
+            raise SweepError(
+                f"{table.place(row, named['re'])} and {named['im']} must be the number of which "
+                f"{named['mag']} and {named['phase']} are magnitude and phase; found "
+                f"{percent(away[row] / np.abs(number[row]))} between them, say which are right: "
+                f"--map Z={place['re']}+j{place['im']} or Z={place['mag']}@{place['phase']}."
+            )
+    idle = {named["mag"], named["phase"]}
+    return replace(table, columns={n: one for n, one in table.columns.items() if n not in idle})
+
+
 def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> list[ForeignTable]:
     """Files with one entry each, told by the end of their names (scan_Ydd.csv .. scan_Yqq.csv), as
     one table.
@@ -92,7 +158,7 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
         mapped = parse_map_of_entry(maps, table.columns) if entry else {}
         table = _with_parts_named(table, mapped)
         if not mapped.keys() & {*OF_ONE_ENTRY}:
-            table = _with_parts_called(table)
+            table = _with_one_reading(_with_parts_called(table))
         generic = [name for name in table.columns if meaning_of(name).role in _GENERIC]
         if (
             not entry
@@ -167,7 +233,7 @@ def _with_parts_called(table: ForeignTable) -> ForeignTable:
     named = {}
     for name, meaning in meanings.items():
         primed = _PRIMED.match(name)
-        whole = _WHOLE.get(letters_of(without_unit(name)[0]))
+        whole = _WHOLE.get(letters_of(without_unit(name)[0]).removesuffix("data"))
         unit = f" [{meaning.unit}]" if meaning.unit else ""
         if primed:
             named[name] = f"{primed[1].upper()}_{_PRIMES[primed[2]]}{unit}"
