@@ -1,5 +1,6 @@
 """What analysers, recorders and scan tools save, in their own words, bundles and encodings."""
 
+import json
 import tarfile
 from pathlib import Path
 
@@ -209,3 +210,40 @@ def test_traces_of_an_impedance_analyser_below_each_other_are_one_table(tmp_path
         paths.append(tmp_path / f"Z{entry}.TXT")
         paths[-1].write_text('"4294A REV1.11"\n"DATE: Dec/01/2025"\n\n' + "".join(blocks))
     require_admittance(paths, **OF_ANALYSER)
+
+
+def listed(values: np.ndarray) -> dict[str, list[float]]:
+    return {"re": values.real.tolist(), "im": values.imag.tolist()}
+
+
+BY_NAME = {
+    "f_hz": FREQUENCY.tolist(),
+    **{f"Z{entry}": listed(IMPEDANCE[:, *place]) for entry, place in ENTRIES.items()},
+}
+ROWS = [
+    {
+        "f_hz": f,
+        **{
+            f"Z{entry}": {"re": float(z[place].real), "im": float(z[place].imag)}
+            for entry, place in ENTRIES.items()
+        },
+    }
+    for f, z in zip(FREQUENCY.tolist(), IMPEDANCE, strict=True)
+]
+META = {
+    "device": "a plant",
+    "f_nom_hz": 60,
+    "s_base_mva": 0.1,
+    "v_base_kv": 0.4,
+    "current_direction": "out of the inverter",
+    "unit": "ohm",
+}
+
+
+@each_of("name, held", [("rows", ROWS), ("lists", BY_NAME)])
+@each_of("of_point", [{"p_kw": 100, "q_kvar": 30}, {"operating_point": {"p": 1.0, "q": 0.3}}])
+def test_data_in_json_have_what_stands_in_meta_beside_them(tmp_path, name, held, of_point):
+    path = tmp_path / f"{name}.json"
+    path.write_text(json.dumps({"meta": META | of_point, "data": held}))
+    said = dict.fromkeys(("p", "q", "unit", "f0_hz", "current"))
+    require_admittance([path], **said)

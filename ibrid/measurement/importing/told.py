@@ -59,11 +59,17 @@ F0_TOLD = re.compile(
 )
 _WORD_KEYS = {
     "current": ("out", "in"),
+    "currentdirection": ("out", "in"),
     "qaxis": ("leads", "lags"),
     "voltageaxis": ("d", "q"),
     "powernode": ("capacitor", "pcc"),
 }
-_KEYS = {"qaxis": "q_axis", "voltageaxis": "voltage_axis", "powernode": "power_node"}
+_KEYS = {
+    "currentdirection": "current",
+    "qaxis": "q_axis",
+    "voltageaxis": "voltage_axis",
+    "powernode": "power_node",
+}
 
 #: A power in VA in words of a file, perhaps with a voltage behind it and a word before both that
 #: calls them a base; words of a line with which they are those of another device.

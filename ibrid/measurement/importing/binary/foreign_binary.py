@@ -182,7 +182,7 @@ def _points_by_name(held: Any) -> Any:
         beside, points = {}, held if isinstance(held, list) else []
     if not points or not all(_is_table(one) for one in points):
         rows = len(points) > 1 and all(isinstance(one, dict) for one in points)
-        return [{**beside, **one} for one in points] if rows else held
+        return {**beside, **_of_records(points)} if rows else held
     named = {}
     for number, one in enumerate(points, 1):
         name = str(one.get("name") or one.get("op") or f"point_{number}")
@@ -209,8 +209,16 @@ def _with_comments(held: dict[str, Any]) -> list[Any]:
         elif inner := _lists_within(name, value):
             lists |= inner
         else:
-            comments += [[f"# {key}: {word}"] for key, word in value.items()]
+            comments += _comments_of(value)
     return [*comments, *_rows_of_lists(lists)]
+
+
+def _comments_of(held: dict[str, Any]) -> list[list[str]]:
+    """A line for each value of an object, and of the objects in it."""
+    lines: list[list[str]] = []
+    for key, value in held.items():
+        lines += _comments_of(value) if isinstance(value, dict) else [[f"# {key}: {value}"]]
+    return lines
 
 
 def _is_frequency(name: str) -> bool:
