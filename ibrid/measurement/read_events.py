@@ -139,7 +139,10 @@ def is_events_file(path: Path) -> bool:
         if is_pscad_output(path):
             return True
         if suffix in WORKBOOKS:
-            return any(_has_channels(list(table.columns)) for table in recording_tables(path))
+            return any(
+                _has_channels(list(one.columns), timed=sampling_told(one.notes) is not None)
+                for one in recording_tables(path)
+            )
         lines = head_lines(path) if suffix in TEXTS else []
         if is_sampled_block(lines):
             return True

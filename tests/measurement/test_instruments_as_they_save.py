@@ -7,12 +7,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 from collecting import each_of
+from scipy.io import savemat
 
 import ibrid
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import decoded
 from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.timed.recording_files import each_once
+from ibrid.measurement.read_events import is_events_file, read_events
 
 SWEEP = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
 FREQUENCY = np.array(SWEEP.points[0].frequency)
@@ -247,3 +249,87 @@ def test_data_in_json_have_what_stands_in_meta_beside_them(tmp_path, name, held,
     path.write_text(json.dumps({"meta": META | of_point, "data": held}))
     said = dict.fromkeys(("p", "q", "unit", "f0_hz", "current"))
     require_admittance([path], **said)
+
+
+TIME = np.arange(0.0, 0.3, 2e-4)
+TURNS = np.exp(1j * (2 * np.pi * 60 * TIME - 2 * np.pi / 3 * np.arange(3)[:, None]))
+DIP = np.where(TIME > 0.15, 0.7, 1.0)
+PEAK_V, PEAK_I = 400 * np.sqrt(2 / 3), 100e3 / 400 * np.sqrt(2 / 3)
+VOLTAGES = PEAK_V * np.real(DIP * TURNS)
+CURRENTS = PEAK_I * np.real((0.8 - 0.2j) * TURNS)
+OF_RECORDER = {"base": "100kVA,400V", "f0_hz": 60.0, "current": "out"}
+
+
+def require_recording(path: object, **said: object) -> None:
+    record = read_events(path, **{**OF_RECORDER, **said}).records[0]
+    assert record.rest.p == pytest.approx(0.8, abs=2e-3)
+    assert record.rest.q == pytest.approx(0.2, abs=2e-3)
+    assert np.abs(record.v[-1]).max() == pytest.approx(0.7, abs=2e-3)
+
+
+@each_of("how", ["times of each", "rate alone", "structures"])
+def test_channels_that_dewesoft_saves_for_matlab_are_a_recording(tmp_path, how):
+    channels = dict(
+        zip(["U_L1", "U_L2", "U_L3", "I_L1", "I_L2", "I_L3"], [*VOLTAGES, *CURRENTS], strict=True)
+    )
+    held: dict[str, object] = {"Sample_rate": 5000.0, "Start_time": "03-Dec-2025 10:00:00"}
+    for name, values in channels.items():
+        if how == "structures":
+            held[name] = {"time": TIME[:, None], "data": values[:, None]}
+            continue
+        held[f"Data1_{name}"] = values[:, None]
+        if how == "times of each":
+            held[f"Data1_time_{name}"] = TIME[:, None]
+    path = tmp_path / "test_0001.mat"
+    savemat(path, held)
+    assert is_events_file(path)
+    require_recording(path)
+
+
+def coefficients(count: int, den: object) -> dict[str, np.ndarray]:
+    """Cells of Y = 1 / (0.1 s / omega_0 + r) on the diagonal, r = 0.01 and 0.02, and a gain of 0.3
+    and -0.3 beside it.
+    """
+    cells = {"num": np.empty((count, count), object), "den": np.empty((count, count), object)}
+    for row, column in np.ndindex(count, count):
+        slow = [0.1 / (120 * np.pi), 0.01 * (row + 1)]
+        cells["num"][row, column] = [[1.0]] if row == column else [[0.3 - 0.6 * (row > column)]]
+        cells["den"][row, column] = [slow] if row == column or den else [[1.0]]
+    return cells
+
+
+@each_of("den", ["", "same length"])
+@each_of("place", ["", "sys", "sys of objects"])
+def test_transfer_functions_in_cells_are_sampled(tmp_path, den, place):
+    cells = coefficients(2, den)
+    if "objects" in place:
+        cells = {"Numerator": cells["num"], "Denominator": cells["den"]}
+    held = {**cells, "Ts": 0.0}
+    savemat(tmp_path / "tfdata.mat", {"sys": held} if place else held)
+    said = {**SAID, "quantity": None}
+    imported = import_files([tmp_path / "tfdata.mat"], **said)
+    (point,) = imported.answered().points
+    s = 2j * np.pi * point.frequency
+    slow = [0.1 / (120 * np.pi) * s + r for r in (0.01, 0.02)]
+    assert point.admittance[:, 0, 0] == pytest.approx(1 / slow[0])
+    assert point.admittance[:, 1, 1] == pytest.approx(1 / slow[1])
+    beside = [1 / one if den else np.ones(len(s)) for one in slow]
+    assert point.admittance[:, 0, 1] == pytest.approx(0.3 * beside[0])
+    assert point.admittance[:, 1, 0] == pytest.approx(-0.3 * beside[1])
+    assert any("poles from" in remark for remark in imported.remarks)
+
+
+def test_transfer_functions_of_more_ports_name_the_line_of_matlab(tmp_path):
+    savemat(tmp_path / "tfdata.mat", coefficients(3, ""))
+    with pytest.raises(SweepError, match=r"cells of 2 x 2.*in MATLAB: .*sys\(1:2, 1:2\)"):
+        import_files([tmp_path / "tfdata.mat"], **SAID)
+
+
+@each_of("ending, word", [(".dxd", "Export, to Matlab"), (".trc", "ASCII"), (".pl4", "COMTRADE")])
+def test_files_that_a_recorder_alone_reads_name_its_own_export(tmp_path, ending, word):
+    path = tmp_path / f"test{ending}"
+    path.write_bytes(b"\x01\0\2" * 50)
+    with pytest.raises(SweepError, match=rf"must hold numbers as text; found a file of .*{word}"):
+        import_files([path], **SAID)
+    with pytest.raises(SweepError, match=word):
+        read_events(path, **OF_RECORDER)

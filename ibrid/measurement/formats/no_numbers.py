@@ -2,6 +2,8 @@
 take in their place.
 """
 
+from os.path import splitext
+
 from ibrid.errors import SweepError
 
 #: Bytes within which a text says what it is, and a file of parts names them.
@@ -32,6 +34,16 @@ _PARTS = {
     "save('model.mat', 'A', 'B', 'C', 'D', '-v7')",
 }
 _WEB_PAGE = "a web page; save the table itself as CSV"
+#: Endings of the files of recorders that they alone read -> what to save in their place.
+_OF_RECORDERS = {
+    ".dxd": "Dewesoft; there: Analyse, Export, to Matlab (.mat) or Text/CSV",
+    ".d7d": "Dewesoft; there: Analyse, Export, to Matlab (.mat) or Text/CSV",
+    ".tdms": "LabVIEW; in DIAdem or Excel save it as CSV, or write .lvm",
+    ".trc": "LeCroy; there: File, Save Waveform, format ASCII",
+    ".wfm": "Tektronix; there: Save As, Waveform, format .csv",
+    ".isf": "Tektronix; there: Save As, Waveform, format .csv",
+    ".pl4": "ATP; in PlotXY save the curves as text (.adf), or write COMTRADE",
+}
 #: The ending of MATLAB's figures, which are MAT files.
 _FIGURE = ".fig"
 
@@ -50,6 +62,8 @@ def refuse_without_numbers(content: bytes, where: str) -> None:
                 raise SweepError(f"{where} must hold numbers; found {words}.")
     if begin.lstrip().lower().startswith((b"<!doctype html", b"<html")):
         raise SweepError(f"{where} must hold numbers; found {_WEB_PAGE}.")
+    if (recorder := _OF_RECORDERS.get(splitext(where)[1].lower())) and b"\0" in content:
+        raise SweepError(f"{where} must hold numbers as text; found a file of {recorder}.")
     if where.lower().endswith(_FIGURE):
         raise SweepError(
             f"{where} must hold numbers; found a MATLAB figure; save the data from which it was "

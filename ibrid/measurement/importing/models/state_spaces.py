@@ -12,8 +12,9 @@ import numpy as np
 from ibrid.errors import SweepError, some
 from ibrid.measurement.formats.frd import MODEL_GRID
 from ibrid.measurement.formats.model_poles import model_words, poles_of
-from ibrid.measurement.formats.response_labels import q_first
+from ibrid.measurement.formats.response_labels import q_first, require_plain_responses
 from ibrid.measurement.importing.foreign_table import ForeignTable
+from ibrid.measurement.importing.models.matlab_objects import SAVING
 
 _DISCRETE = ("Ts", "ts", "dt", "SampleTime")
 #: Names of signals: the axis at the end, or right behind the letter where something follows, such
@@ -45,7 +46,7 @@ def state_space_tables(
     """
     place = _place(arrays)
     if place is None:
-        return []
+        return _fraction_tables(arrays, where, stem, at)
     held = {
         name.removeprefix(place): value for name, value in arrays.items() if name.startswith(place)
     }
@@ -67,6 +68,54 @@ def state_space_tables(
         name = op_names[k] if len(op_names) == count else ""
         tables.append(_table(matrices, held, k if count > 1 else None, name, where, stem, at))
     return tables
+
+
+def _fraction_tables(
+    arrays: Mapping[str, np.ndarray], where: str, stem: str, at: np.ndarray | None
+) -> list[ForeignTable]:
+    """The response of 2 x 2 fractions, whose coefficients MATLAB saves of tf or tfdata in cells
+    num and den, or in a structure.
+    """
+    named = re.search(r"^(.*\.)?(num|Numerator)(\{\d+\})?$", "\n".join(arrays), re.MULTILINE)
+    if not named:
+        return []
+    place = named[1] or ""
+    tops = _four(arrays, place + named[2])
+    bottoms = _four(arrays, place + {"num": "den"}.get(named[2], "Denominator"))
+    if not bottoms or not tops:
+        keeping = SAVING["tf"].replace("(sys)", "(sys(1:2, 1:2))")
+        raise SweepError(
+            f"{where} must hold numerators and denominators as cells of 2 x 2, voltages to "
+            f"currents of the terminals; found others, in MATLAB: {keeping}."
+        )
+    held = {name.removeprefix(place): value for name, value in arrays.items()}
+    require_plain_responses(arrays, where)
+    period = _period(held, where)
+    denominators = {tuple(one.tolist()): np.roots(one) for one in bottoms}
+    poles = np.concatenate([*denominators.values()])
+    grid = _grid(poles, period, at, ours=False)
+    s = np.exp(2j * np.pi * grid * period) if period else 2j * np.pi * grid
+    fractions = zip(tops, bottoms, strict=True)
+    response = [np.polyval(top, s) / np.polyval(bottom, s) for top, bottom in fractions]
+    names = (f"Y({row},{column})" for row in (1, 2) for column in (1, 2))
+    columns = {"f_dq": grid, **dict(zip(names, response, strict=True))}
+    words = model_words(len(poles), poles, period, grid)
+    lines = np.arange(1, len(grid) + 1)
+    return [ForeignTable(where, stem, columns, lines, _notes(held, None), remarks=(words,))]
+
+
+def _four(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
+    """The coefficients of the entries 11, 12, 21, 22 in a cell array, or of one denominator of
+    all; none of another shape.
+    """
+    whole = arrays.get(name)
+    if whole is None:
+        cells = [arrays.get(f"{name}{{{k}}}", np.zeros(0)).ravel() for k in (1, 3, 2, 4)]
+        more = f"{name}{{5}}" in arrays
+        return cells if all(cell.size for cell in cells) and not more else []
+    if whole.shape[:2] == (2, 2) and whole.ndim == 3:
+        return [*whole.reshape(4, -1)]
+    return [whole.ravel()] * 4 if name.endswith(("den", "Denominator")) else []
 
 
 def _place(arrays: Mapping[str, np.ndarray]) -> str | None:

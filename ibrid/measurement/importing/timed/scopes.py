@@ -1,5 +1,5 @@
 """Simulink's scopes, a structure with time whose signals stand in arrays of several columns; and
-timeseries as structures, each with its own Time and Data.
+timeseries as structures, each with its own Time and Data; channels of Dewesoft.
 """
 
 import re
@@ -10,8 +10,12 @@ import numpy as np
 
 from ibrid.measurement.importing.foreign_table import ForeignTable
 
-#: Time and values of a timeseries in a structure, one or several columns of values.
-_SERIES_TIME, _SERIES_DATA = re.compile(r"(.*)\.[Tt]ime"), re.compile(r"(.*)\.[Dd]ata(:\d+)?")
+#: Time and values of a timeseries in a structure, one or several columns of values; and of a
+#: channel of Dewesoft.
+_SERIES = (
+    (r"(.*)\.time", r"(.*)\.(?:data|signal|values?)(:\d+)?"),
+    (r"Data\d*_time_(.*)", r"Data\d*_(?!time_)(.*?)(:\d+)?"),
+)
 _LABEL = re.compile(r"(?:label|title|name): (.+)")
 
 
@@ -19,21 +23,25 @@ def timeseries_table(table: ForeignTable) -> ForeignTable | None:
     """The signals of several timeseries side by side, called as their structures; None where they
     share no time.
     """
-    times = {
-        said[1]: name
-        for name in table.columns
-        if (said := _SERIES_TIME.fullmatch(name)) is not None
-    }
-    signals = {name: said for name in table.columns if (said := _SERIES_DATA.fullmatch(name))}
-    if not times or any(said[1] not in times for said in signals.values()):
-        return None
-    first, *others = (table.columns[name] for name in times.values())
-    if not signals or not all(np.array_equal(first, other) for other in others):
-        return None
-    columns = {"time": first}
-    for name, said in signals.items():
-        columns[f"{said[1].rsplit('.', 1)[-1]}{said[2] or ''}"] = table.columns[name]
-    return replace(table, columns=columns, numbered=frozenset())
+    for time_of, data_of in _SERIES:
+        times, signals = (
+            {name: said[1] for name in table.columns if (said := re.fullmatch(one, name, re.I))}
+            for one in (time_of, data_of)
+        )
+        if not signals or (times and not {*signals.values()} <= {*times.values()}):
+            continue
+        grids = [table.columns[name] for name in times]
+        if not all(np.array_equal(grids[0], grid) for grid in grids):
+            continue
+        columns = {"time": grids[0]} if grids else {}
+        for name, column in table.columns.items():
+            if name in signals:
+                behind = re.search(r"(:\d+)?$", name)[0]  # type: ignore[index]
+                columns[signals[name].rsplit(".", 1)[-1] + behind] = column
+            elif not times:
+                columns[name] = column
+        return replace(table, columns=columns, numbered=frozenset())
+    return None
 
 
 def scope_table(tables: Sequence[ForeignTable]) -> ForeignTable | None:
