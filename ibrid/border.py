@@ -31,7 +31,7 @@ from typing import (
     is_typeddict,
 )
 
-from ibrid.errors import IbridError, UnforeseenError, near
+from ibrid.errors import AT_THE_PROMPT, IbridError, UnforeseenError, in_python, near
 from ibrid.showing import made_above
 
 P = ParamSpec("P")
@@ -123,15 +123,16 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
             )
         if missing := [name for name in required[len(args) :] if name not in keywords]:
             raise IbridError(f"{called}: needs {' and '.join(missing)} too; see help({called})")
+        said = {name: keywords.pop(name) for name in [*keywords] if takes_any and name not in names}
         with _border_of(called):
             given = list(args)
             for place, (name, value) in enumerate(zip(names, args, strict=False)):
-                given[place] = _taken(called, name, value, known)
+                given[place] = _taken(called, name, value, known, said)
             named = {
-                name: value if name in unnamed else _taken(called, name, value, known)
+                name: value if name in unnamed else _taken(called, name, value, known, said)
                 for name, value in keywords.items()
             }
-            return function(*given, **named)  # type: ignore[arg-type]
+            return function(*given, **named, **said)  # type: ignore[arg-type]
 
     if passes_on:
         checked.__signature__ = _with_options(function)  # type: ignore[attr-defined]
@@ -156,10 +157,16 @@ def _takes_any_keyword(function: Callable) -> bool:
 
 
 def _taken(
-    called: str, name: str, value: Any, known: Mapping[str, tuple[tuple[type, ...], type]]
+    called: str,
+    name: str,
+    value: Any,
+    known: Mapping[str, tuple[tuple[type, ...], type]],
+    said: dict[str, Any],
 ) -> Any:
     """An argument as a function takes it; what stands for a sweep, events, a diagram or a record
     is made one.
+
+    said : further keywords, taken out where they say of a file or a table what that does not.
 
     Raises IbridError where nothing makes it one.
     """
@@ -167,8 +174,9 @@ def _taken(
         return value
     wanted = [kind.__name__ for kind in known[name][0] if kind.__name__ in COERCED]
     if wanted and value is not None:
-        made = made_above(value, "ibrid.arguments.coercion", "as_any_of", wanted)
+        made = made_above(value, "ibrid.arguments.coercion", "as_any_of", wanted, {**said})
         if made is not None:
+            said.clear()
             return made
     raise IbridError(_refusal(called, name, value, *known[name]))
 
@@ -228,13 +236,16 @@ def _fields_of(made: type) -> tuple[tuple[str, tuple[type, ...], type], ...]:
 
 @contextmanager
 def _border_of(function: str) -> Iterator[None]:
-    """Within the outermost function, an error that is no sentence becomes one; not one in which
-    code of the user's took part, that of a call without an argument, or a contract test's.
+    """Within the outermost function, an error that is no sentence becomes one, not one in which
+    code of the user's took part, that of a call without an argument, or a contract test's; and a
+    sentence names arguments, not options, where no command is at work.
     """
     token = _INSIDE.set(True) if not _INSIDE.get() else None
     try:
         yield
-    except IbridError:
+    except IbridError as error:
+        if token is not None and error.args and not AT_THE_PROMPT.get():
+            error.args = (in_python(str(error.args[0])), *error.args[1:])
         raise
     except Exception as error:
         in_the_call = all(

@@ -22,7 +22,7 @@ from typing import Any, NoReturn
 from ibrid import __version__
 from ibrid.commands import inputs
 from ibrid.commands.outputs import INTERRUPTED, UNFINISHED
-from ibrid.errors import IbridError, UnfinishedError, UnforeseenError, near
+from ibrid.errors import AT_THE_PROMPT, IbridError, UnfinishedError, UnforeseenError, near
 from ibrid.interrupts import hearing_interrupts
 from ibrid.lazy import MATPLOTLIB
 from ibrid.own_files import writing_as
@@ -210,8 +210,12 @@ def _called(place: str, *arguments: argparse.Namespace) -> Any:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit status."""
     words = list(sys.argv[1:] if argv is None else argv)
-    with bordered_streams(), worded_warnings():
-        return _status(words)
+    token = AT_THE_PROMPT.set(True)
+    try:
+        with bordered_streams(), worded_warnings():
+            return _status(words)
+    finally:
+        AT_THE_PROMPT.reset(token)
 
 
 def _status(words: list[str]) -> int:

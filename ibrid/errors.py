@@ -2,7 +2,9 @@
 step.
 """
 
+import re
 from collections.abc import Iterable
+from contextvars import ContextVar
 from difflib import get_close_matches
 
 from ibrid.foreign_text import cut_words, show_controls
@@ -54,6 +56,42 @@ class UnfinishedError(IbridError):
 
     The command line exits with status 3.
     """
+
+
+#: Whether a command is at work, whose options errors name; else functions are called.
+AT_THE_PROMPT: ContextVar[bool] = ContextVar("at the prompt", default=False)
+#: A command as a whole, which stays, or an option that functions have too, and what follows it
+#: where that is a value.
+_OPTION = re.compile(
+    r"\bibrid [a-z]+ [^;]*"
+    r"|--(map|channels|ratio|from|to|unit|base|current|q-axis|voltage-axis|frame-deg|power-node"
+    r"|f0-hz|decimal|polar|quantity|sequence-frequency|op|[pqv]|parameters|equilibrium|labels"
+    r"|holdout-op)\b"
+    r"""(?: (?!(?:and|are|beside|is|if|must|multiplies|needs|of|or|says)\b)("[^"]*"|[^\s"]+))?"""
+)
+#: A value, of which two dots are a part, and the marks of the sentence behind it.
+_WITHOUT_MARKS = re.compile(r"^(.*?(?:\.\.)?)[.,;:)]*$")
+#: Options that a call names otherwise.
+_KEYS = {"from": "begin", "to": "end"}
+
+
+def in_python(sentence: str) -> str:
+    """A sentence with options of the command line as the arguments of a call: `--unit pu` is
+    unit="pu".
+    """
+
+    def argument(said: re.Match[str]) -> str:
+        if said[1] is None:
+            return said[0]
+        key = said[1].replace("-", "_")
+        key = _KEYS.get(key, key)
+        if said[2] is None:
+            return key
+        value = _WITHOUT_MARKS.sub(r"\1", said[2])
+        plain = value if re.fullmatch(r"-?[\d.]+", value) else f'"{value.strip(chr(34))}"'
+        return f"{key}={plain}{said[2][len(value) :]}"
+
+    return _OPTION.sub(argument, sentence)
 
 
 def near(name: object, known: Iterable[str]) -> str:

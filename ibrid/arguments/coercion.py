@@ -8,6 +8,7 @@ command line reads its words here, too.
 import os
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from ibrid.arguments.places import exists, is_program_text, is_record, require_file
@@ -134,8 +135,10 @@ def load(path: str | os.PathLike) -> Sweep | Events | Record | Diagram:
     return as_sweep(text)
 
 
+#: Nothing said of a file or a table.
+EMPTY: Mapping[str, Any] = MappingProxyType({})
 #: Classes of arguments -> how something else is made one, the first that suits.
-_MAKERS: Mapping[str, Callable[[Any], Any]] = {
+_MAKERS: Mapping[str, Callable[..., Any]] = {
     "Record": as_record,
     "Diagram": as_diagram,
     "Events": as_events,
@@ -145,13 +148,15 @@ _MAKERS: Mapping[str, Callable[[Any], Any]] = {
 _TABLES = ("Events", "Sweep")
 
 
-def as_any_of(given: Any, names: Collection[str]) -> Any:
+def as_any_of(given: Any, names: Collection[str], said: Mapping[str, Any] = EMPTY) -> Any:
     """What stands for a value of one of these classes as such a value; None where nothing does.
+
+    said : what a sweep or records do not say about themselves.
 
     Raises IbridError where it is meant as one and cannot be read.
     """
     if isinstance(given, str | os.PathLike):
-        return _MAKERS[_meant(os.fspath(given), names)](given)
+        return _MAKERS[_meant(os.fspath(given), names)](given, **said)
     if "Record" in names or "Diagram" in names:
         is_answer = any(
             isinstance(getattr(given, part, None), Record) for part in ("best", "repaired")
@@ -162,12 +167,14 @@ def as_any_of(given: Any, names: Collection[str]) -> Any:
             return given.diagram
         return None
     if _is_of_python_control(given) or hasattr(given, "z0"):
-        return as_sweep(given) if "Sweep" in names else None
+        return as_sweep(given, **said) if "Sweep" in names else None
     if not hasattr(given, "columns") and not hasattr(given, "to_dataframe"):
         return None
     columns = {str(name) for name in getattr(given, "columns", ())}
     timed = "Events" in names and ("Sweep" not in names or {"record", "t"} <= columns)
-    return as_events(given) if timed else as_sweep(given) if "Sweep" in names else None
+    if timed:
+        return as_events(given, **said)
+    return as_sweep(given, **said) if "Sweep" in names else None
 
 
 def _meant(text: str, names: Collection[str]) -> str:

@@ -78,7 +78,6 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     Raises IbridError for options that say nothing of records, and for records of different nominal
     frequency or estimator, of which an events file says one.
     """
-    from ibrid.measurement.importing.unsaid import UnsaidError
     from ibrid.measurement.read_events import READ_AS, read_events
 
     unfit = [
@@ -93,10 +92,7 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
             f"{', --'.join(options).replace('_', '-')} do"
         )
     keys = {name: getattr(arguments, name) for name in (*OF_BOTH, *OF_RECORDS)}
-    try:
-        read = [read_events(file, channels=arguments.channels, **keys) for file in files]
-    except UnsaidError as unsaid:
-        raise IbridError(unsaid.options) from None
+    read = [read_events(file, channels=arguments.channels, **keys) for file in files]
     if len({events.f0_hz for events in read}) > 1:
         raise IbridError(
             "records in one file must have one nominal frequency; import them one by one"

@@ -85,7 +85,7 @@ def _sweep_at(file: str | Path, frequency: Any = None) -> "Sweep":
         return read_sweep(file, frequency=frequency)
     except UnsaidError as reason:
         raise SweepError(
-            f"{reason.options} These are options of ibrid import {file} --out sweep.csv, which "
+            f"{reason} These are options of ibrid import {file} --out sweep.csv, which "
             f"writes a sweep file; or lines of {file}.meta, such as unit: pu and p: 0.8"
         ) from None
 
@@ -198,7 +198,7 @@ def read_events_at(text: str, said: Mapping[str, Any]) -> "Events":
         return as_events(text, **said)
     except UnsaidError as reason:
         raise SweepError(
-            f"{reason.options} These are options of ibrid import {text} --out events.csv, which "
+            f"{reason} These are options of ibrid import {text} --out events.csv, which "
             f"writes an events file; or lines of {text}.meta, such as ratio: 1"
         ) from None
 

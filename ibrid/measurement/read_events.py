@@ -114,7 +114,7 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
         if ratios is not None:
             raise SweepError(
                 f"{path} is an events file, whose values are those of the primary side; leave "
-                "--ratio out."
+                "out --ratio."
             )
         return parse_event_csv(read_lines(path), str(path), told)
     return _of_tables(recording_tables(path, form), channels, told, str(path), ratios)

@@ -9,7 +9,8 @@ import pytest
 from fitted import benchmark, evaluated
 
 import ibrid
-from ibrid.errors import IbridError
+from ibrid import cli
+from ibrid.errors import IbridError, in_python
 from ibrid.evaluation.evaluate import evaluate
 
 SHIPPED = ibrid.benchmarks()["paper_like"]
@@ -90,3 +91,38 @@ def test_impedance_magnitude_phase_and_sequences_follow_from_the_admittance():
         point.op, np.array([50.0]), np.array([[[2.0, -3.0], [3.0, 2.0]]], dtype=complex)
     )
     assert np.allclose(even.pn[0], np.diag([2 + 3j, 2 - 3j]))
+
+
+def test_a_call_is_told_arguments_where_a_command_is_told_options(capsys):
+    fault = str(ibrid.examples()["fault.csv"])
+    for call in (ibrid.read_events, ibrid.inspect):
+        with pytest.raises(IbridError, match='add base="S_VA,V_LL"') as caught:
+            call(fault)
+        assert "--" not in str(caught.value)
+    assert cli.main(["inspect", fault]) == 2
+    assert "add --base S_VA,V_LL" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("option", "argument"),
+    [
+        ("add --unit pu or --f0-hz 50.", 'add unit="pu" or f0_hz=50.'),
+        ("add --op NAME:p=..,q=.., twice", 'add op="NAME:p=..,q=..", twice'),
+        ('(--map "Ydd=a b[S]")', '(map="Ydd=a b[S]")'),
+        ("leave out --ratio; --base is 3", "leave out ratio; base is 3"),
+        ("see --from, --to 3", "see begin, end=3"),
+        ("run ibrid evaluate --labels exact", "run ibrid evaluate --labels exact"),
+    ],
+)
+def test_options_are_said_as_arguments_and_commands_stay(option, argument):
+    assert in_python(option) == argument
+
+
+def test_an_inspection_takes_what_reading_takes():
+    fault = ibrid.examples()["fault.csv"]
+    look = ibrid.inspect(fault, base="50kVA,690V", f0_hz=60.0)
+    read = ibrid.inspect(ibrid.read_events(fault, base="50kVA,690V", f0_hz=60.0))
+    assert look.to_json() == read.to_json()
+    assert ibrid.inspect("paper_like", f0_hz=50.0).f0_hz == 50
+    with pytest.raises(IbridError, match="f0_hz: is said of a file"):
+        ibrid.inspect(benchmark(), f0_hz=50.0)

@@ -150,16 +150,22 @@ def inspect(sweep: Sweep, *, sampling_hz: float | None = None) -> Inspection: ..
 @overload
 def inspect(sweep: Events) -> EventsInspection: ...
 @overload
-def inspect(sweep: str | PathLike[str]) -> Inspection | EventsInspection: ...
+def inspect(sweep: str | PathLike[str], **keys: Any) -> Inspection | EventsInspection: ...
 @takes_kinds
 def inspect(
-    sweep: Sweep | Events, *, sampling_hz: float | None = None
+    sweep: Sweep | Events, *, sampling_hz: float | None = None, **keys: Any
 ) -> Inspection | EventsInspection:
     """Look at a sweep, or at records of events, before fitting anything to it.
 
     sweep : either, its file, the name of a shipped sweep, or a DataFrame.
     sampling_hz : sampling rate of the controller, where a sweep does not carry it.
+    keys : what a file or a DataFrame does not say about itself (base, f0_hz, map, channels, ..), as
+    of `ibrid.read_sweep` and `ibrid.read_events`.
     """
+    if keys:
+        raise SweepError(
+            f"{', '.join(keys)}: is said of a file or a DataFrame; what was read says it itself."
+        )
     if isinstance(sweep, Events):
         if sampling_hz is not None:
             raise SweepError("sampling_hz is said of sweeps; records have times, leave it out.")

@@ -132,7 +132,7 @@ def _require_ratios(stated: np.ndarray, said: Ratios | None, where: str) -> None
     if said is not None and np.isfinite(stated).all():
         raise SweepError(
             f"{where}: the configuration says which channels are primary and the ratio of the "
-            "others, which are multiplied by it; leave --ratio out."
+            "others, which are multiplied by it; leave out --ratio."
         )
 
 
