@@ -69,7 +69,11 @@ def says_anything(arguments: Namespace) -> bool:
 
 def hold_records(files: Sequence[str], arguments: Namespace) -> bool:
     """Whether the files are recordings in time, as `--channels` says or they themselves do."""
-    return bool(arguments.channels) or any(map(inputs.holds_events, files))
+    from ibrid.measurement.importing.timed.recording_files import channels_apart
+
+    if arguments.channels or any(map(inputs.holds_events, files)):
+        return True
+    return channels_apart([Path(file) for file in files]) is not None
 
 
 def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
@@ -78,6 +82,7 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
     Raises IbridError for options that say nothing of records, and for records of different nominal
     frequency or estimator, of which an events file says one.
     """
+    from ibrid.measurement.importing.timed.recording_files import channels_apart
     from ibrid.measurement.read_events import READ_AS, read_events
 
     unfit = [
@@ -92,7 +97,9 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
             f"{', --'.join(options).replace('_', '-')} do"
         )
     keys = {name: getattr(arguments, name) for name in (*OF_BOTH, *OF_RECORDS)}
-    read = [read_events(file, channels=arguments.channels, **keys) for file in files]
+    joined = channels_apart([Path(file) for file in files]) is not None
+    sources = [list(files)] if joined else files
+    read = [read_events(one, channels=arguments.channels, **keys) for one in sources]
     if len({events.f0_hz for events in read}) > 1:
         raise IbridError(
             "records in one file must have one nominal frequency; import them one by one"

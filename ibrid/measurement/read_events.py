@@ -34,7 +34,11 @@ from ibrid.measurement.importing.timed.families import SignalFamily, family_of, 
 from ibrid.measurement.importing.timed.probes import probe_question, with_currents_in_volts
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
 from ibrid.measurement.importing.timed.recording_comments import RecordingComments, read_comments
-from ibrid.measurement.importing.timed.recording_files import PSOUT, recording_tables
+from ibrid.measurement.importing.timed.recording_files import (
+    PSOUT,
+    channels_apart,
+    recording_tables,
+)
 from ibrid.measurement.importing.timed.recording_table import recording_of
 from ibrid.measurement.importing.timed.sampled_times import (
     is_sampled_block,
@@ -73,7 +77,8 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
 
     path : a CSV of the project (docs/events.md), a COMTRADE record (.cfg beside .dat, .cff),
     another table (text,
-        xlsx, Parquet, .mat, HDF5) or a DataFrame with one column for each channel.
+        xlsx, Parquet, .mat, HDF5) or a DataFrame with one column for each channel; or a list of
+        files of an oscilloscope, each with one channel.
     channels : `va=1,vb=2,vc=3,ia=4,ib=5,ic=6` or `vd=..,vq=..,id=..,iq=..`, by number or name,
     where names do not show them;
         of tables also t and record.
@@ -96,6 +101,14 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
                 f"{key} is not something to say about events; {near(key, (*SAYABLE, 'channels'))}"
             )
     form, keys = number_format(keys), without_format(keys)
+    if isinstance(path, list | tuple):
+        if (joined := channels_apart([*map(Path, path)])) is None:
+            raise SweepError(
+                "files of one recording must each hold a time and one channel, at the same times; "
+                "found others, read them one by one."
+            )
+        ratios = ratios_said(keys.pop("ratio", None))
+        return _of_tables([joined], channels, keys, joined.where, ratios)
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)

@@ -10,6 +10,7 @@ from collecting import each_of
 from scipy.io import savemat
 
 import ibrid
+from ibrid import cli
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import decoded
 from ibrid.measurement.importing.importing import import_files
@@ -333,3 +334,51 @@ def test_files_that_a_recorder_alone_reads_name_its_own_export(tmp_path, ending,
         import_files([path], **SAID)
     with pytest.raises(SweepError, match=word):
         read_events(path, **OF_RECORDER)
+
+
+def scope_files(folder: Path, called: str, above: str, words: str) -> list[Path]:
+    """called : the name of a file, with {n} its number and {name} that of its signal."""
+    paths = []
+    for n, values in enumerate([*VOLTAGES, *CURRENTS]):
+        name = ["Va", "Vb", "Vc", "Ia", "Ib", "Ic"][n]
+        path = folder / called.format(n=n + 1, name=name)
+        rows = [f"{t:.7g},{x:.7g}" for t, x in zip(TIME - 0.15, values, strict=True)]
+        unit = words.split("|")[n // 3] if words else ""
+        path.write_text("\n".join([above.format(n=n + 1, unit=unit).strip("\n"), *rows]) + "\n")
+        paths.append(path)
+    return paths
+
+
+LECROY = "LECROYWM31,31234,Waveform\nSegments,1,SegmentSize,1500\n"
+LECROY += "Segment,TrigTime,TimeSinceSegment1\n#1,01-Dec-2025 14:03:22,0\nTime,Ampl\n"
+TEKTRONIX = "Model,MSO58\nSample Interval,2e-4\nVertical Units,{unit}\n\nTIME,CH{n}\n"
+NUMBERED = "va=2,vb=3,vc=4,ia=5,ib=6,ic=7"
+
+
+@each_of(
+    "called, above, words, channels",
+    [
+        ("C{n}--{name}--00004.csv", LECROY, "", None),
+        ("dip_{name}_7.csv", LECROY, "", None),
+        ("tek0003CH{n}.csv", TEKTRONIX, "V|A", NUMBERED),
+        ("scope_3_{n}.csv", "x-axis,{n}\nsecond,{unit}\n", "Volt|Ampere", f"t=1,{NUMBERED}"),
+    ],
+)
+def test_files_of_an_oscilloscope_with_a_channel_each_are_one_recording(
+    tmp_path, capsys, called, above, words, channels
+):
+    paths = scope_files(tmp_path, called, above, words)
+    require_recording(paths, channels=channels)
+    told = ["--channels", channels] if channels else []
+    said = ["--base", "100kVA,400V", "--f0-hz", "60", "--current", "out"]
+    out = tmp_path / "out.csv"
+    assert cli.main(["import", *map(str, paths), *told, *said, "--out", str(out)]) == 0
+    assert "6 files with a channel each are one recording" in capsys.readouterr().err
+    require_recording(out, base=None, f0_hz=None, current=None)
+
+
+def test_channels_of_an_oscilloscope_at_other_times_are_no_recording(tmp_path):
+    paths = scope_files(tmp_path, "C{n}--{name}--00004.csv", LECROY, "")
+    paths[3].write_text(paths[3].read_text().replace("\n-0.15,", "\n-0.1501,"))
+    with pytest.raises(SweepError, match="at the same times"):
+        read_events(paths, **OF_RECORDER)

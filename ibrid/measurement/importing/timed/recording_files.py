@@ -1,23 +1,29 @@
 """Files of recordings: which files are one recording, and the tables in them."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ibrid.errors import SweepError
+from ibrid.errors import SweepError, some
 from ibrid.measurement.formats import bundle
 from ibrid.measurement.formats.files import read_bytes
 from ibrid.measurement.formats.guarded import guarded
 from ibrid.measurement.importing.binary.psout_file import REMARKS, psout_arrays
+from ibrid.measurement.importing.column_words import entry_named, meaning_of
 from ibrid.measurement.importing.foreign_table import ForeignTable, array_table
 from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
 from ibrid.measurement.importing.table_files import read_tables
+from ibrid.measurement.importing.timed.families import signals_of
 from ibrid.measurement.importing.timed.pscad_output import is_pscad_output, pscad_table, run_of
 from ibrid.measurement.importing.timed.scopes import scope_table, timeseries_table
+from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
 
 PSOUT = ".psout"
+#: Files with a channel each of which a recording is made: two voltages, two currents.
+FEWEST_CHANNELS = 4
 #: Of a COMTRADE record: what is read with its configuration.
 _WITH_CONFIGURATION = (".dat", ".hdr", ".inf")
 
@@ -34,6 +40,57 @@ def recording_tables(path: Path, form: NumberFormat = UNSAID) -> list[ForeignTab
     tables = read_tables(path, form=form)
     one = scope_table(tables) if len(tables) > 1 else timeseries_table(tables[0])
     return tables if one is None else [one]
+
+
+def channels_apart(paths: Sequence[Path]) -> ForeignTable | None:
+    """The channels of one recording that an oscilloscope saved as files of their own, each with a
+    time and a value, side by side and called as the files are; None for other files.
+    """
+    if len(paths) < FEWEST_CHANNELS:
+        return None
+    held: list[tuple[ForeignTable, str, np.ndarray]] = []
+    time = np.zeros(0)
+    for path in paths:
+        try:
+            (table,) = read_tables(path)
+        except (SweepError, ValueError):
+            return None
+        whole = [
+            (name, column)
+            for name, column in table.columns.items()
+            if column.dtype.kind == "f" and np.isfinite(column).all()
+        ]
+        if len(whole) != 2 or entry_named(table.stem) or meaning_of(whole[0][0]).role:
+            return None
+        (_, grid), (name, values) = whole
+        time = time if held else grid
+        if not np.array_equal(time, grid) or (np.diff(grid) <= 0).any():
+            return None
+        unit = name if size_of(name) else split_unit(name)[1]
+        held.append((table, f" [{unit}]" if unit else "", values))
+    stems, first = [table.stem for table, _, _ in held], held[0][0]
+    if len({*stems}) < len(stems):
+        return None
+    names = _names_of_channels(stems)
+    columns = {"t [s]": time} | {
+        f"{name}{unit}": values for name, (_, unit, values) in zip(names, held, strict=True)
+    }
+    remark = f"{len(paths)} files with a channel each are one recording: {some(stems)}"
+    return replace(first, where=f"{first.where} and others", columns=columns, remarks=(remark,))
+
+
+def _names_of_channels(stems: Sequence[str]) -> list[str]:
+    """What differs in the names of files: the part that names a signal in each, else all of it."""
+    words = [re.findall(r"[^\W_]+", stem) for stem in stems]
+    if len({*map(len, words)}) > 1:
+        return list(stems)
+    at_places = list(zip(*words, strict=True))
+    apart = [k for k, at in enumerate(at_places) if len({*at}) > 1]
+    middles = ["_".join(one[apart[0] : apart[-1] + 1]) for one in words]
+    for names in (middles, *at_places):
+        if len({signal.role for signal in signals_of(names)} - {""}) == len(stems):
+            return list(names)
+    return list(stems)
 
 
 def each_once(paths: Sequence[Path]) -> list[Path]:
