@@ -297,7 +297,7 @@ def _family(
         own = {
             signal.role: name
             for name, signal in zip(names, signals_of(names), strict=True)
-            if signal.role in DQ
+            if signal.role in (*DQ, "t")
         }
         chosen(
             [Channel(name) for name in names], {**own, **said}, table.where, OTHER_FAMILIES

@@ -382,3 +382,46 @@ def test_channels_of_an_oscilloscope_at_other_times_are_no_recording(tmp_path):
     paths[3].write_text(paths[3].read_text().replace("\n-0.15,", "\n-0.1501,"))
     with pytest.raises(SweepError, match="at the same times"):
         read_events(paths, **OF_RECORDER)
+
+
+ADF = "dip60.pl4\n  t   v:POCA   v:POCB   v:POCC   c:INVA  -POCA   c:INVB  -POCB   c:INVC  -POCC\n"
+
+
+@each_of(
+    "above",
+    [
+        ADF,
+        "dip60.pl4\n t v1 v2\n",
+        "",
+        "Time [s] CH1 CH2 CH3 CH4 CH5 CH6\n",
+        "Time CH1 CH2 CH3 Current_R Current_S Current_T\n",
+    ],
+)
+def test_text_of_atp_is_read_or_asks_with_an_answer_that_can_be_copied(tmp_path, above):
+    table = np.column_stack([TIME, *VOLTAGES, *CURRENTS])
+    rows = [" ".join(f"{value:16.8E}" for value in row) for row in table.tolist()]
+    path = tmp_path / "dip60.adf"
+    path.write_text(above + "\n".join(rows) + "\n")
+    if above == ADF:
+        require_recording(path)
+        return
+    with pytest.raises(SweepError, match="tell them: --channels ") as asked:
+        read_events(path, **OF_RECORDER)
+    answer = str(asked.value).split("--channels ")[1].split(", ")[0]
+    require_recording(path, channels=answer)
+
+
+@each_of("name", ["angle_deg", "theta [deg]", "x (deg)"])
+def test_an_angle_that_is_not_taken_is_offered_as_that_of_the_voltage(tmp_path, name):
+    angle = np.where(TIME > 0.15, 20.0, 5.0)
+    columns = np.column_stack([TIME, DIP, angle, 80 * DIP, 20 * DIP])
+    path = tmp_path / "rms.csv"
+    path.write_text(text_of(["t (s)", "u (pu)", name, "P (kW)", "Q (kvar)"], columns))
+    without = read_events(path, **OF_RECORDER).records[0]
+    (offered,) = [one for one in without.remarks if "--channels" in one]
+    assert f"{name} is not used and may be the angle of the voltage" in offered
+    told = offered.split("--channels ")[1]
+    turned = read_events(path, channels=told, **OF_RECORDER).records[0]
+    end = np.angle(complex(*turned.v[-1]), deg=True)
+    assert end == pytest.approx(15.0, abs=0.1)
+    assert not any("--channels" in one for one in turned.remarks)

@@ -497,13 +497,13 @@ def _unmarked(cells: list[str], width: int) -> list[str]:
 
 
 def _glued(cells: list[str]) -> list[str]:
-    """Units in brackets, and "/ unit", belong to the word before them, also where blanks separate
-    columns.
+    """Units in brackets, "/ unit", and "-NODE" to which a current flows belong to the word before
+    them, also where blanks separate columns.
     """
     joined: list[str] = []
     for cell in cells:
         if joined and (
-            re.fullmatch(r"[\[(].*[\])]", cell) or joined[-1].endswith("/") or cell.startswith("/")
+            re.fullmatch(r"[\[(].*[\])]|/.*|-[^\W\d].*", cell) or joined[-1].endswith("/")
         ):
             joined[-1] = f"{joined[-1]} {cell}"
         else:

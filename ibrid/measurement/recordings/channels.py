@@ -85,6 +85,7 @@ def chosen(
         placed[role] = place
     if any(set(family) <= set(placed) for family in (DQ, (*BETWEEN, *PHASES[3:]))):
         return placed
+    lacking: dict[str, int] = {}
     for role in PHASES:
         if role in placed or (role[0] == "v" and set(BETWEEN) <= set(placed)):
             continue
@@ -93,13 +94,22 @@ def chosen(
             for k, channel in enumerate(channels)
             if role_of(channel) == role and k not in placed.values()
         ]
-        if len(fitting) != 1:
-            raise SweepError(
-                f"{where} must have one channel for {role}; found {len(fitting) or 'none'} that "
-                "its name and unit show, "
-                f"tell them: --channels va=1,vb=2,vc=3,ia=4,ib=5,ic=6{others}; {_listed(names)}"
-            )
-        placed[role] = fitting[0]
+        if len(fitting) == 1:
+            placed[role] = fitting[0]
+        else:
+            lacking[role] = len(fitting)
+    if lacking:
+        role, count = next(iter(lacking.items()))
+        asked = [*(["t"] if others and "t" not in placed else []), *lacking]
+        free = (k for k in range(1, len(names) + 8) if k - 1 not in placed.values())
+        answer = ",".join(
+            [f"{role}={text}" for role, text in told.items() if role not in asked]
+            + [f"{role}={k}" for role, k in zip(asked, free, strict=False)]
+        )
+        raise SweepError(
+            f"{where} must have one channel for {role}; found {count or 'none'} that "
+            f"its name and unit show, tell them: --channels {answer}{others}; {_listed(names)}"
+        )
     return placed
 
 

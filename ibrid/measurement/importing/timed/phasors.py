@@ -65,7 +65,9 @@ def phasors_of(
     else:
         v, i = part[needed[0]] * np.exp(1j * _angle(part, time, f0_hz)), None
     if i is None and "v_ang" not in part and "f" not in part:
-        remarks.append("nothing says the angle of the voltage: its frequency is taken as nominal")
+        remarks.append(
+            "no column is taken for the angle of the voltage: its frequency is taken as nominal"
+        )
     one_volt, one_ampere = 1.0, 1.0
     if unit == "si":
         column = family.columns[needed[0]]

@@ -120,6 +120,10 @@ def recording_of(
     used |= {one.column for one in set_points.values()}
     if unused := [name for name in names if name not in used]:
         remarks = (*remarks, f"not used: {some(unused, 8)}")
+    angles = [one for one in unused if (size_of(split_unit(one)[1]) or "")[:1] == ("angle",)]
+    if angles and family.kind in ("powers", "currents") and "v_ang" not in family.columns:
+        words = f"{angles[0]} is not used and may be the angle of the voltage: --channels v_ang="
+        remarks = (*remarks, f"{words}{names.index(angles[0]) + 1}")
     of_estimator = family.kind not in _INSTANTANEOUS
     unit_of_samples = "pu" if of_estimator else unit
     sizes = _sizes_of_set_points(header) if unit_of_samples == "si" else {}
