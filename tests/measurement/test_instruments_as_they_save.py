@@ -425,3 +425,23 @@ def test_an_angle_that_is_not_taken_is_offered_as_that_of_the_voltage(tmp_path, 
     end = np.angle(complex(*turned.v[-1]), deg=True)
     assert end == pytest.approx(15.0, abs=0.1)
     assert not any("--channels" in one for one in turned.remarks)
+
+
+@each_of("ohm", [1.6, 50.0])
+def test_s_parameters_of_the_dq_ports_are_admittances_with_the_current_into_them(tmp_path, ohm):
+    """Law: S = (1 - R Y)(1 + R Y)^-1 with Y into the port, 1.6 ohm being the base."""
+    one, y = np.eye(2), -ADMITTANCE / 1.6 * ohm
+    s = (one - y) @ np.linalg.inv(one + y)
+    columns = np.column_stack([FREQUENCY, parts(np.swapaxes(s, 1, 2))])
+    path = tmp_path / "inverter.s2p"
+    path.write_text(f"# Hz S RI R {ohm}\n" + text_of(["! f"], columns, " "))
+    said = {"unit": None, "current": None, "base": "100kVA,400V"}
+    require_admittance([path], **said)
+    remarks = import_files([path], **{**SAID, **said}).remarks
+    assert f"S-parameters at {ohm:g} ohm became admittances, current into the ports" in remarks
+    keys = {"s_base_va": 100e3, "v_base_v": 400.0, "f0_hz": 60.0, "p": 1.0, "q": 0.3}
+    path.with_suffix(".y2p").write_bytes(path.read_bytes())
+    with pytest.raises(SweepError, match="found S, call it .s2p"):
+        import_files([path.with_suffix(".y2p")], **SAID)
+    sweep = ibrid.read_sweep(path, q_axis="leads", power_node="capacitor", **keys)
+    assert sweep.points[0].admittance == pytest.approx(ADMITTANCE, rel=1e-6, abs=1e-9)

@@ -603,7 +603,7 @@ def test_touchstone_normalises_to_its_resistance(read):
     ("text", "message"),
     [
         ("50 1 0 0 0 0 0 1 0", "must have an option line"),
-        ("# Hz S RI R 50\n50 1 0 0 0 0 0 1 0", "line 1: parameter must be Y or Z; found S"),
+        ("# Hz G RI R 50\n50 1 0 0 0 0 0 1 0", "line 1: parameter must be Y, Z or S; found G"),
         ("# Hz Y RJ R 1\n50 1 0 0 0 0 0 1 0", "line 1: RJ is not a Touchstone option"),
         ("# Hz Y RI R\n50 1 0 0 0 0 0 1 0", "R must be a finite number"),
         ("# Hz Y RI R 1\n50 1 0", "line 2 must hold nine numbers"),

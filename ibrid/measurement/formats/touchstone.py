@@ -28,6 +28,8 @@ _OPTIONS = {
     "format": _FORMATS,
     "resistance": ("R",),
 }
+#: How the words on a conversion begin.
+SCATTERING = "S-parameters"
 #: Degrees beyond which an angle is a mistake: of 1e16 the sine is chance.
 _LARGEST_ANGLE = 1e6
 
@@ -43,8 +45,8 @@ class _Options:
 def touchstone_response(path: Path) -> Response:
     """One operating point of a Touchstone 1 two-port.
 
-    Option line `# Hz Y RI R 50`: unit Hz, kHz, MHz, GHz; parameter Y or Z; format RI, MA (angle in
-    degrees) or DB; rows of f 11 21 12 22, in this order. As the format prescribes, Y and Z are
+    Option line `# Hz Y RI R 50`: unit Hz, kHz, MHz, GHz; parameter Y, Z or S; format RI, MA (angle
+    in degrees) or DB; rows of f 11 21 12 22, in this order. As the format prescribes, Y and Z are
     normalised to R: an admittance is the number divided by R, in S; a file in per unit says `R 1`.
     p, q, v, op and header keys stand in comments `! p: 1`, in `<path>.meta`; the later win. Without
     `unit` the numbers are S and ohm (the bases must then be given); with R 1 the file does not say
@@ -64,12 +66,28 @@ def touchstone_response(path: Path) -> Response:
     beside, more = sidecar_keys(path)
     options = _options(body, path)
     frequency, matrix = _table(body, options, path)
-    told = (
-        ({} if options.ohm == 1 else {"unit": "S" if options.parameter == "Y" else "ohm"})
-        | inside
-        | beside
-    )
-    return Response(frequency, matrix, Quantity(options.parameter), told, notes + more, path.stem)
+    letter = options.parameter.replace("S", "Y")
+    told = {} if options.ohm == 1 else {"unit": "S" if letter == "Y" else "ohm"}
+    if options.parameter == "S":
+        if path.suffix.lower() != ".s2p":
+            raise SweepError(f"{path} must say Y or Z in its option line; found S, call it .s2p.")
+        matrix = _admittance(matrix, options.ohm, path)
+        told["current"] = "in"
+        words = f"{SCATTERING} at {options.ohm:g} ohm became admittances, current into the ports"
+        notes = (*notes, words)
+    told |= inside | beside
+    return Response(frequency, matrix, Quantity(letter), told, notes + more, path.stem)
+
+
+def _admittance(scattering: np.ndarray, ohm: float, path: Path) -> np.ndarray:
+    """Y = (1 + S)^-1 (1 - S) / R, S, of (K, 2, 2); currents flow into the ports."""
+    one = np.eye(2)
+    try:
+        return np.linalg.solve(one + scattering, one - scattering) / ohm
+    except np.linalg.LinAlgError:
+        raise SweepError(
+            f"{path}: 1 + S must be invertible; found a short circuit, export Y or Z."
+        ) from None
 
 
 @takes_kinds
@@ -140,9 +158,9 @@ def _parsed_options(words: list[str], where: str) -> _Options:
             options = replace(options, form=word)
         else:
             options = replace(options, ohm=number_of(next(rest, ""), f"{where}: R"))
-    if options.parameter not in "YZ":
+    if options.parameter not in "YZS":
         raise SweepError(
-            f"{where}: parameter must be Y or Z; found {options.parameter}, export admittances."
+            f"{where}: parameter must be Y, Z or S; found {options.parameter}, export admittances."
         )
     if options.ohm <= 0:
         raise SweepError(f"{where}: R must be positive; found {options.ohm:g}.")
@@ -186,5 +204,5 @@ def _table(
         else:
             size = 10 ** (first / 20) if options.form == "DB" else first
             entries = size * np.exp(1j * np.deg2rad(second))
-        entries = entries / options.ohm if options.parameter == "Y" else entries * options.ohm
+        entries *= {"Y": 1 / options.ohm, "Z": options.ohm}.get(options.parameter, 1.0)
         return numbers[:, 0] * options.hz, np.swapaxes(entries.reshape(-1, 2, 2), 1, 2)

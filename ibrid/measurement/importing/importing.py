@@ -21,7 +21,7 @@ from ibrid.measurement.formats.grouping import first_near, rows_of_each
 from ibrid.measurement.formats.model_poles import MODEL
 from ibrid.measurement.formats.pscad import pscad_response
 from ibrid.measurement.formats.response import sidecar_keys
-from ibrid.measurement.formats.touchstone import TOUCHSTONE, touchstone_response
+from ibrid.measurement.formats.touchstone import SCATTERING, TOUCHSTONE, touchstone_response
 from ibrid.measurement.importing.column_map import without_map_of_entry
 from ibrid.measurement.importing.column_words import entry_named
 from ibrid.measurement.importing.doubts.alike_points import mind_alike_points
@@ -140,11 +140,9 @@ def import_files(
                 for row, column in np.ndindex(2, 2)
             }
             lines = np.arange(1, len(response.frequency) + 1)
-            held = [
-                ForeignTable(
-                    str(path), response.name, {"f_dq": response.frequency, **entries}, lines
-                )
-            ]
+            remarks = tuple(note for note in notes if note.startswith(SCATTERING))
+            columns = {"f_dq": response.frequency, **entries}
+            held = [ForeignTable(str(path), response.name, columns, lines, remarks=remarks)]
         notes = (*(f"{key}: {value}" for key, value in told.items() if key != "op"), *notes)
         tables += [
             replace(table, notes=(*notes, *table.notes), op=str(told.get("op", "")) or table.op)
