@@ -445,3 +445,51 @@ def test_s_parameters_of_the_dq_ports_are_admittances_with_the_current_into_them
         import_files([path.with_suffix(".y2p")], **SAID)
     sweep = ibrid.read_sweep(path, q_axis="leads", power_node="capacitor", **keys)
     assert sweep.points[0].admittance == pytest.approx(ADMITTANCE, rel=1e-6, abs=1e-9)
+
+
+@each_of(
+    "encoding, names",
+    [
+        ("cp949", "시간(s)|{}상 전압(V)|{}상 전류(A)"),
+        ("utf-8", "시간 [s]|전압 {}상 [V]|전류 {}상 [A]"),
+        ("gbk", "时间(s)|{}相电压(V)|{}相电流(A)"),
+        ("utf-8-sig", "时间（s）|电压{}相（V）|电流{}相（A）"),
+        ("cp932", "時間[s]|{}相電圧[V]|{}相電流[A]"),
+        ("utf-8", "Time|S1) VPOC{}|S1) IPOC{}"),
+    ],
+)
+def test_channels_in_other_languages_and_of_rscad_are_known(tmp_path, encoding, names):
+    time, *forms = names.split("|")
+    head = [time, *(form.format(phase) for form in forms for phase in "ABC")]
+    path = tmp_path / "record.csv"
+    table = text_of(head, np.column_stack([TIME, *VOLTAGES, *CURRENTS]))
+    path.write_bytes(table.encode(encoding))
+    assert is_events_file(path)
+    require_recording(path)
+
+
+@each_of(
+    "names",
+    [
+        "Time [s]|Vrms AN Avg|Vrms BN Avg|PowerP Total Avg|PowerQ Total Avg",
+        "Time [s]|Vrms AN Med|Vrms BN Med|Active Power Total Med|Reactive Power Total Med",
+        "시간(s)|AB선간전압(V)|BC선간전압(V)|유효전력(W)|무효전력(var)",
+    ],
+)
+def test_root_mean_squares_of_power_analysers_are_known(tmp_path, names):
+    v = (400.0 if "선간" in names else 400 / np.sqrt(3)) * DIP
+    columns = np.column_stack([TIME, v, v, 80e3 * DIP, 20e3 * DIP])
+    path = tmp_path / "rms.csv"
+    path.write_text(text_of(names.replace("_", "|").split("|"), columns), encoding="utf-8")
+    require_recording(path)
+
+
+def test_nodes_of_rscad_that_say_no_phase_are_asked_for(tmp_path):
+    names = ["Time", *(f"S1) N{k}" for k in range(1, 7))]
+    path = tmp_path / "plot.csv"
+    path.write_text(text_of(names, np.column_stack([TIME, *VOLTAGES, *CURRENTS])))
+    with pytest.raises(
+        SweepError, match=r"--channels t=1,va=2,vb=3,vc=4,ia=5,ib=6,ic=7.*2 S1\) N1"
+    ):
+        read_events(path, **OF_RECORDER)
+    require_recording(path, channels=NUMBERED)

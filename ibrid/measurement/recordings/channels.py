@@ -102,10 +102,8 @@ def chosen(
         role, count = next(iter(lacking.items()))
         asked = [*(["t"] if others and "t" not in placed else []), *lacking]
         free = (k for k in range(1, len(names) + 8) if k - 1 not in placed.values())
-        answer = ",".join(
-            [f"{role}={text}" for role, text in told.items() if role not in asked]
-            + [f"{role}={k}" for role, k in zip(asked, free, strict=False)]
-        )
+        numbers = {role: placed[role] + 1 for role in told} | dict(zip(asked, free, strict=False))
+        answer = ",".join(f"{role}={number}" for role, number in numbers.items())
         raise SweepError(
             f"{where} must have one channel for {role}; found {count or 'none'} that "
             f"its name and unit show, tell them: --channels {answer}{others}; {_listed(names)}"

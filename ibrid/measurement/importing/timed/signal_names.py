@@ -45,8 +45,8 @@ _COUNTED_WORD = re.compile(rf"[\s_]+({'|'.join(_COUNTED.values())})(?![A-Za-z])"
 #: Where a voltage or current was taken, written between its letter and its phase.
 _AT = "g|grid|pcc|poc|poi|out|[so](?=[dq])"
 #: How PowerFactory and EMTP begin the name of a variable: monitored, signal, bus, calculation,
-#: element.
-_PROGRAM = re.compile(r"^[msbner]:(?=[A-Za-z])")
+#: element; and RSCAD, with a number.
+_PROGRAM = re.compile(r"^[msbner]:(?=[A-Za-z])|^S\d+\)\s*")
 #: PowerFactory's angle of a voltage or current: phiu1, phii1.
 _ANGLE_OF = re.compile(r"phi([uvi])1?")
 #: An object of the network before the name of its variable: `Terminal: Voltage, Magnitude`.
@@ -203,7 +203,7 @@ def _patterns() -> tuple[re.Pattern[str], ...]:
         re.compile(pattern)
         for pattern in (
             rf"{lead}(?:{v_or_i})(?:{_AT})?(?:{phase})?[ng]?(?:{part})?",
-            rf"{lead}(?:{v_or_i})(?:{part})(?:{phase})?",
+            rf"{lead}(?:{v_or_i})(?:{part})(?:{phase})?[ng]?",
             rf"(?:ph|phase|phaseseq)?(?:{phase})(?:{v_or_i})(?:{part})?",
             rf"(?:{part})(?:{v_or_i})(?:{phase})?",
             rf"(?:{phase})(?:{part})(?:{v_or_i})",
@@ -240,7 +240,9 @@ def _meaning(name: str, phase: str) -> tuple[str, str, str]:
 
 def _tokens(leaf: str) -> list[str]:
     apart = re.sub(
-        r"(?<=[a-z])(?=[A-Z][a-z])|(?<=[A-Z])(?=[A-Z][a-z]{2})", " ", leaf.replace("相", "")
+        r"(?<=[a-z])(?=[A-Z][a-z])|(?<=[A-Z])(?=[A-Z][a-z]{2})",
+        " ",
+        re.sub("相|(?<=[A-Za-z])상", "", leaf),
     )
     return re.split(r"[^\w]+|_+", apart)
 
