@@ -54,6 +54,7 @@ def fit_settings_of(arguments: Namespace) -> "FitSettings":
 def data(text: str) -> "Sweep":
     """The sweep in a file, else the shipped or hardware sweep of that name."""
     from ibrid.measurement.formats.model_poles import MODEL
+    from ibrid.measurement.importing.importing import MIND
 
     file = sweep_file(text)
     if file is None:
@@ -62,7 +63,7 @@ def data(text: str) -> "Sweep":
         require_file(text, known_sweeps(), "a sweep file or a shipped sweep", SweepError)
     sweep = _sweep_at(text if file is None else file)
     for note in sweep.notes:
-        if note.startswith(MODEL):
+        if note.startswith((MODEL, MIND)):
             complain(f"{text}: {note}.")
     return sweep
 

@@ -1,6 +1,5 @@
 """Sweeps from DataFrames and arrays."""
 
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -62,9 +61,7 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
     maps = keys.pop("map", ())
     maps = [maps] if isinstance(maps, str) else maps
     form, keys = number_format(keys), without_format(keys)
-    imported = import_tables([frame_table(data, form)], maps, **keys)
-    sweep = imported.answered()
-    return replace(sweep, notes=tuple(dict.fromkeys((*sweep.notes, *imported.remarks))))
+    return import_tables([frame_table(data, form)], maps, **keys).answered()
 
 
 def _with_index(data: Any) -> Any:

@@ -247,7 +247,7 @@ def test_channels_are_told_by_number_or_name_and_may_lie_between_phases(tmp_path
         tmp_path, configuration("BINARY", names=names), samples("BINARY", phases(TIME) / STEP)
     )
     with pytest.raises(
-        SweepError, match=r"one channel for va; found none .*--channels va=1.*1 first, 2 second"
+        SweepError, match=r"one channel for va; found none .*channels=.va=1.*1 first, 2 second"
     ):
         read_events(path, **BASES)
     assert_is_the_dip(
@@ -331,7 +331,7 @@ def test_a_ratio_is_said_where_the_configuration_has_none(tmp_path: Path):
     assert_is_the_dip(record)
     assert "times 200, as said" in record.remarks[0]
     path = store(tmp_path, configuration("BINARY"), values)
-    with pytest.raises(SweepError, match="leave --ratio out"):
+    with pytest.raises(SweepError, match="leave out ratio"):
         read_events(path, ratio="v=20000/100,i=100", **BASES)
 
 

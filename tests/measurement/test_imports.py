@@ -29,6 +29,24 @@ def system() -> control.StateSpace:
     return evaluated("gfl_pll_filter_exact").state_space(OP)
 
 
+def test_a_spreadsheet_is_read_as_the_command_reads_it(tmp_path: Path):
+    scan = str(ibrid.examples()["scan.xlsx"])
+    with pytest.raises(SweepError, match='add base="S_VA,V_LL"'):
+        ibrid.read_sweep(scan)
+    said = {"base": "50kVA,690V", "f0_hz": 60, "voltage_axis": "d"}
+    sweep = ibrid.read_sweep(scan, **said)
+    out = str(tmp_path / "sweep.csv")
+    options = [f"--{key.replace('_', '-')}={value}" for key, value in said.items()]
+    assert cli.main(["import", scan, *options, "--out", out]) == 0
+    np.testing.assert_allclose(sweep.points[0].Y, ibrid.read_sweep(out).points[0].Y, rtol=1e-12)
+    assert "mind: current: out, as the highest frequencies show" in sweep.notes
+
+
+def test_records_read_as_a_sweep_name_the_function_that_reads_them():
+    with pytest.raises(SweepError, match=r"read them with ibrid\.read_events"):
+        ibrid.read_sweep(ibrid.examples()["fault.csv"])
+
+
 def test_a_state_space_is_the_measurement_that_it_would_give(system: control.StateSpace):
     truth = benchmark().point(OP)
     (point,) = from_system(system, truth.frequency, **POINT).points

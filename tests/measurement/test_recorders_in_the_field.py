@@ -113,7 +113,7 @@ def test_voltage_per_unit_beside_powers_with_units_is_of_the_base(tmp_path, caps
                 (path,) = written(tmp_path, "rms.csv", f"{head}\n{rows}")
                 assert_is_the_law(imported(path))
                 assert "on the base of 10 MVA and 20 kV" in capsys.readouterr().err
-                with pytest.raises(ibrid.IbridError, match="add --base S_VA,V_LL"):
+                with pytest.raises(ibrid.IbridError, match='add base="S_VA,V_LL"'):
                     ibrid.read_events(path, f0_hz=F0)
 
 

@@ -130,7 +130,7 @@ def test_a_ratio_multiplies_powers_by_that_of_voltage_and_current():
 def test_a_ratio_that_cannot_be_is_one_sentence(tmp_path):
     path = recording(tmp_path)
     for ratio in ("200", "v=0", "w=3", "v=1/0", "v=2,v=3", "v=a", ""):
-        with pytest.raises(ibrid.IbridError, match="--ratio is written v=63000/100"):
+        with pytest.raises(ibrid.IbridError, match="ratio is written v=63000/100"):
             ibrid.read_events(path, base="10kVA,400V", ratio=ratio)
 
 

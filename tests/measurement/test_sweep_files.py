@@ -706,8 +706,8 @@ def test_imtb_columns_are_impedances_of_the_device(read):
     )
 
 
-def test_spreadsheets_are_sent_back(read):
-    with pytest.raises(SweepError, match="found a spreadsheet, save the table as CSV"):
+def test_a_broken_spreadsheet_is_one_sentence(read):
+    with pytest.raises(SweepError, match=r"scan.xlsx .*; found"):
         read(b"PK", "scan.xlsx")
 
 

@@ -64,6 +64,8 @@ from ibrid.measurement.sweeps.sweep import Sweep
 
 #: What can be said about a foreign table, beside the map.
 SAYABLE = (*HEADER_KEYS, "base", "quantity", "sequence_frequency", "op", "p", "q", "v")
+#: How a note begins that says what was assumed.
+MIND = "mind: "
 #: Operating points nearer than that are one.
 _SAME = 0.02
 #: Operating points of one frequency each from which on they are no sweep.
@@ -93,10 +95,13 @@ class Imported:
         return f"{self.where} does not say {asked}."
 
     def answered(self) -> Sweep:
-        """The sweep; UnsaidError with all that must be said first."""
-        if self.sweep is not None:
-            return self.sweep
-        raise UnsaidError(self.asked)
+        """The sweep, with the remarks among its notes; UnsaidError with all that must be said
+        first.
+        """
+        if self.sweep is None:
+            raise UnsaidError(self.asked)
+        notes = dict.fromkeys((*self.sweep.notes, *(f"{MIND}{one}" for one in self.remarks)))
+        return replace(self.sweep, notes=tuple(notes))
 
 
 def import_files(
