@@ -13,6 +13,7 @@ from typing import Any
 from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import IbridError
 from ibrid.fit.settings import EFFORTS
+from ibrid.foreign_text import cut
 from ibrid.frozen import Frozen
 from ibrid.hanging import PROCESSOR_LIMIT
 from ibrid_search.evaluated import SCALES
@@ -67,6 +68,10 @@ class Goal:
         return parse_requirements(self.require)
 
 
+#: Workers of one core that a search has at most; several clusters' worth.
+MOST_WORKERS = 1000
+
+
 @methods_take_kinds
 @dataclass(frozen=True)
 class Workers:
@@ -75,7 +80,7 @@ class Workers:
     `ray` : address of a Ray cluster, "auto" or "HEAD:6379"; "local" is a Ray of one's own here;
     None: none.
 
-    Raises IbridError for less than one.
+    Raises IbridError for less than one, or more than MOST_WORKERS.
     """
 
     number: int = 1
@@ -83,8 +88,11 @@ class Workers:
 
     def __post_init__(self) -> None:
         require_kinds(self)
-        if not isinstance(self.number, Integral) or self.number < 1:
-            raise IbridError(f"workers must be 1 or more, and a whole number, found {self.number}")
+        if not isinstance(self.number, Integral) or not 1 <= self.number <= MOST_WORKERS:
+            raise IbridError(
+                f"workers must be a whole number from 1 to {MOST_WORKERS}, found "
+                f"{cut(str(self.number), 20)}"
+            )
 
 
 @methods_take_kinds

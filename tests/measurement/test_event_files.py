@@ -446,3 +446,12 @@ def test_prose_behind_a_word_that_others_use_as_a_key_is_a_note(tmp_path):
     shipped = Path(ibrid.benchmarks()["paper_like"]).read_text()
     (tmp_path / "sweep.csv").write_text(f"# frequency: 1 Hz to 1 kHz, by hand\n{shipped}")
     assert "frequency: 1 Hz to 1 kHz, by hand" in read_sweep(tmp_path / "sweep.csv").notes
+
+
+def test_what_a_record_was_told_cannot_be_changed():
+    time = np.linspace(0.0, 1.0, 5)
+    record = EventRecord(
+        "a", time, np.ones((5, 2)), np.zeros((5, 2)), told={"p_ref": np.ones(5)}
+    )
+    with pytest.raises(TypeError, match="frozen"):
+        record.told["p_ref"] = np.zeros(5)

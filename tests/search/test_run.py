@@ -436,7 +436,7 @@ def test_a_run_that_died_before_its_archive_was_made_can_go_on(tmp_path):
         ({"workers": 0}, "workers must be"),
         ({"workers": -1}, "workers must be"),
         ({"workers": 1.5}, "workers must be"),
-        ({"budget": Goal(5, choose="op")}, "--holdout-op"),
+        ({"budget": Goal(5, choose="op")}, "holdout_op"),
         ({"proposer": "ruels"}, "did you mean rules"),
         ({"proposer": "rules:-1"}, "a weight is a number above zero"),
         ({"proposer": "llm"}, "needs a model"),
@@ -468,6 +468,7 @@ def test_a_wrong_option_is_a_sentence_and_leaves_no_run_behind(tmp_path, options
         (lambda: Goal(require="lively"), "--require takes"),
         (lambda: SearchSettings(history=-1), "history must be"),
         (lambda: Workers(0, "auto"), "workers must be"),
+        (lambda: Workers(10**400), "workers must be a whole number from 1 to 1000"),
     ],
 )
 def test_a_wrong_setting_is_refused_where_it_is_written(made, told):

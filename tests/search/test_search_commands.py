@@ -237,7 +237,7 @@ def test_without_a_valid_candidate_the_status_is_one(tmp_path, capsys):
         ("--vocabulary papr", "did you mean paper"),
         ("--equilibrium rough", "equilibrium must be"),
         ("--parameters own", "parameters must be"),
-        ("--workers 0", "workers must be 1 or more"),
+        ("--workers 0", "workers must be a whole number from 1 to 1000"),
         ("--history few", "must be a whole number"),
         ("--learn", "--learn needs a proposer that learns"),
         ("--resumee", "unrecognized arguments"),

@@ -129,12 +129,13 @@ def event_csv(events: Events, *, header: Sequence[str] = ()) -> str:
     )
 
 
-def _written(record: EventRecord, optional: Sequence[str]) -> list[list[str]]:
+def _written(record: EventRecord, optional: Sequence[str]) -> list[list[object]]:
+    """The cells of each sample, numbers as numbers: with all digits, and no text to look into."""
     columns = [record.time, *record.v.T, *record.i.T]
-    rows = [[record.name, *map(repr, row)] for row in np.column_stack(columns).tolist()]
+    rows = [[record.name, *row] for row in np.column_stack(columns).tolist()]
     for name in optional:
         values = record.sigma if name == "sigma" else record.told.get(name)
-        cells = [""] * len(rows) if values is None else [repr(value) for value in values.tolist()]
+        cells = [""] * len(rows) if values is None else values.tolist()
         rows = [[*row, cell] for row, cell in zip(rows, cells, strict=True)]
     return rows
 

@@ -545,7 +545,7 @@ def _polar_angle(
     polar = {
         name: [polar_cell(cell, comma) for cell in cells]
         for name, cells in columns.items()
-        if any(sign in cell for sign in SIGNS for cell in cells)
+        if any(sign in text for text in ["\0".join(cells)] for sign in SIGNS)
     }
     return largest_angle(polar, place, form.polar)
 

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.foreign_text import show_controls
-from ibrid.frozen import Frozen
+from ibrid.frozen import Frozen, FrozenDict
 from ibrid.measurement.estimators.correlation import noise_of_frames
 from ibrid.measurement.estimators.rebuilt import Rebuilt, rebuilt
 from ibrid.measurement.estimators.window import Window
@@ -105,7 +105,7 @@ class EventRecord(Frozen):
             require_unmasked(f"{name} of record {self.name}", getattr(self, name))
             object.__setattr__(self, name, self._checked(name, getattr(self, name), shape))
         told = {name: self._checked(name, value, (count,)) for name, value in self.told.items()}
-        object.__setattr__(self, "told", told)
+        object.__setattr__(self, "told", FrozenDict(told))
         if count < 4 or (np.diff(self.time) <= 0).any():
             raise SweepError(
                 f"record {self.name} must have at least four samples at increasing times; found "

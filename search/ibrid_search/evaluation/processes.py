@@ -7,7 +7,6 @@ import pickle
 import socket
 import subprocess
 import sys
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -32,10 +31,16 @@ from ibrid_search.evaluation.job import Job
 from ibrid_search.evaluation.verdict import Assessing, Verdict, ended, judge, without_vocabulary
 from ibrid_search.step import Status
 
+#: What a worker runs before it imports anything, which takes longest where many share the cores.
+_END_WITH_THE_PARENT = (
+    "import os, sys, threading; threading.Thread(target=lambda: "
+    "(sys.stdin.buffer.read(), os._exit(0)), daemon=True).start()"
+)
+
 
 class ProcessEvaluator(CrewEvaluator[Assessor]):
     """A `CrewEvaluator` of processes of this machine, which end with the one that began them,
-    however that ends.
+    however that ends; at most two for each core, since more would wait for one another.
 
     Raises IbridError when the assessor cannot travel.
     """
@@ -61,6 +66,7 @@ class ProcessEvaluator(CrewEvaluator[Assessor]):
         except (TypeError, ValueError, AttributeError, pickle.PicklingError) as error:
             raise IbridError(NOT_PICKLABLE.format(cause_of(error))) from None
         hire = partial(_Process, cargo, processor_limit, still)
+        workers = min(workers, 2 * (os.cpu_count() or 1))
         super().__init__(assessor, workers, hire, lost=lost, patience=patience)
 
 
@@ -72,7 +78,7 @@ class _Process:
         self._processor_limit, self._still = processor_limit, still
         self._cargo = cargo
         self._channel, theirs = Pipe()
-        command = f"from {__name__} import serve; serve({theirs.fileno()})"
+        command = f"{_END_WITH_THE_PARENT}; from {__name__} import serve; serve({theirs.fileno()})"
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-c", command],
             stdin=subprocess.PIPE,  # ends with this process
@@ -130,7 +136,6 @@ def serve(handle: int) -> None:
     """The life of a worker process: the assessor, then a job after the other, until its parent is
     gone. Whatever loading a user's own kinds raises is told.
     """
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
     channel = Connection(handle)
     assessor: Assessing
     try:
@@ -153,8 +158,3 @@ def serve(handle: int) -> None:
 
 def _cannot_travel(error: Exception) -> Verdict:
     return Verdict(Status.FAILED, reason=f"the evaluation broke off with {cause_of(error)}")
-
-
-def _end_with_the_parent() -> None:
-    sys.stdin.buffer.read()
-    os._exit(0)

@@ -5,7 +5,7 @@ resumable at any moment.
 import time
 from collections import deque
 from contextlib import AbstractContextManager, ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ibrid.errors import IbridError, near
@@ -113,7 +113,8 @@ def fleet(
             open_run(out, stated, {"fleet": job, "folder": str(folder)}, resume)
         )
         steps = enlist(store, folder, names, job)
-        with _evaluator(examiner, workers, processor_limit, still) as evaluator:
+        crew = replace(workers, number=min(workers.number, max(1, len(steps))))
+        with _evaluator(examiner, crew, processor_limit, still) as evaluator:
             _Course(store, folder, steps, evaluator, earlier, tell).run()
         summary = summary_of(store)
         write_whole(inside(out, TABLE), table_csv(summary))

@@ -6,8 +6,8 @@ import os
 from argparse import Namespace
 
 from ibrid_search.evaluation.ray_session import open_session
+from ibrid_search.settings import Workers
 
-from ibrid.errors import IbridError
 from ibrid_policy.experience.shards import Processes, RayCluster
 from ibrid_policy.making import Order, train_policy
 from ibrid_policy.training import TrainingSettings
@@ -15,9 +15,8 @@ from ibrid_policy.training import TrainingSettings
 
 def train(arguments: Namespace) -> int:
     """Train, with the options of the command."""
-    workers = (os.cpu_count() or 1) if arguments.workers is None else arguments.workers
-    if workers < 1:
-        raise IbridError(f"--workers must be 1 or more, found {workers}")
+    asked = (os.cpu_count() or 1) if arguments.workers is None else arguments.workers
+    workers = Workers(asked, arguments.ray).number
     training = TrainingSettings(steps=arguments.steps, seed=arguments.seed)
     order = Order(arguments.inverters, arguments.seed, training, arguments.size)
     session = None if arguments.ray is None else open_session(workers, arguments.ray)
