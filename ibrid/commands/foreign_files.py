@@ -97,8 +97,8 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
             f"{', --'.join(options).replace('_', '-')} do"
         )
     keys = {name: getattr(arguments, name) for name in (*OF_BOTH, *OF_RECORDS)}
-    joined = channels_apart([Path(file) for file in files]) is not None
-    sources = [list(files)] if joined else files
+    joined = channels_apart([Path(file) for file in files])
+    sources = files if joined is None else [joined]
     read = [read_events(one, channels=arguments.channels, **keys) for one in sources]
     if len({events.f0_hz for events in read}) > 1:
         raise IbridError(

@@ -102,13 +102,15 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
             )
     form, keys = number_format(keys), without_format(keys)
     if isinstance(path, list | tuple):
-        if (joined := channels_apart([*map(Path, path)])) is None:
+        path = channels_apart([*map(Path, path)])
+        if path is None:
             raise SweepError(
                 "files of one recording must each hold a time and one channel, at the same times; "
                 "found others, read them one by one."
             )
+    if isinstance(path, ForeignTable):
         ratios = ratios_said(keys.pop("ratio", None))
-        return _of_tables([joined], channels, keys, joined.where, ratios)
+        return _of_tables([path], channels, keys, path.where, ratios)
     if not isinstance(path, str | Path):
         return _of_frame(path, channels, keys)
     path = Path(path)
