@@ -127,8 +127,9 @@ def _with_one_reading(table: ForeignTable) -> ForeignTable:
     size, angle = (meaning_of(named[part]) for part in ("mag", "phase"))
     real, imaginary, magnitude, phase = (table.columns[named[part]] for part in _GENERIC)
     unit = meaning_of(named["re"])
-    if unit.dimension == size.dimension:
+    if unit.dimension == size.dimension and phase.any():
         turns = phase if angle.dimension == "angle in radians" else np.deg2rad(phase)
+        turns = -turns if named["phase"][0] in "-−–" else turns
         number = unit.factor * (real + 1j * imaginary)
         away = np.abs(number - size.factor * magnitude * np.exp(1j * turns))
         if (wrong := away > _ROUNDED * np.abs(number)).any():
