@@ -405,9 +405,9 @@ def test_text_of_atp_is_read_or_asks_with_an_answer_that_can_be_copied(tmp_path,
     if above == ADF:
         require_recording(path)
         return
-    with pytest.raises(SweepError, match="tell them: --channels ") as asked:
+    with pytest.raises(SweepError, match='tell them: channels="') as asked:
         read_events(path, **OF_RECORDER)
-    answer = str(asked.value).split("--channels ")[1].split(", ")[0]
+    answer = str(asked.value).split('channels="')[1].split('"')[0]
     require_recording(path, channels=answer)
 
 
@@ -489,7 +489,7 @@ def test_nodes_of_rscad_that_say_no_phase_are_asked_for(tmp_path):
     path = tmp_path / "plot.csv"
     path.write_text(text_of(names, np.column_stack([TIME, *VOLTAGES, *CURRENTS])))
     with pytest.raises(
-        SweepError, match=r"--channels t=1,va=2,vb=3,vc=4,ia=5,ib=6,ic=7.*2 S1\) N1"
+        SweepError, match=r'channels="t=1,va=2,vb=3,vc=4,ia=5,ib=6,ic=7".*2 S1\) N1'
     ):
         read_events(path, **OF_RECORDER)
     require_recording(path, channels=NUMBERED)
