@@ -449,9 +449,8 @@ def test_prose_behind_a_word_that_others_use_as_a_key_is_a_note(tmp_path):
 
 
 def test_what_a_record_was_told_cannot_be_changed():
-    time = np.linspace(0.0, 1.0, 5)
-    record = EventRecord(
-        "a", time, np.ones((5, 2)), np.zeros((5, 2)), told={"p_ref": np.ones(5)}
-    )
+    time, still = np.linspace(0.0, 1.0, 5), np.zeros((5, 2))
+    rest = ibrid.OperatingPoint("a", 0.5, 0.1)
+    record = EventRecord(rest, time, still + 1.0, still, 0.1, told={"p_ref": np.ones(5)})
     with pytest.raises(TypeError, match="frozen"):
         record.told["p_ref"] = np.zeros(5)
