@@ -276,6 +276,18 @@ def test_rate_falls_while_nothing_ends():
     assert ", 0.5/s" in stream.getvalue().splitlines()[-1]
 
 
+def test_no_time_left_is_told_of_few_evaluations_or_uneven_ones():
+    clock, stream = Clock(), io.StringIO()
+    progress = Progress("plain", stream=stream, every=0.0, clock=clock)
+    progress.start(100)
+    for number, wait in enumerate((10.0, 10.0, 10.0, 90.0, 1.0), 1):
+        clock.now += wait
+        progress.update(Snapshot(number, number, 0.5, TALLY))
+    told = ["ETA" in line for line in stream.getvalue().splitlines()]
+    assert told == [False, False, True, False, False]
+    assert "ETA 16:10" in stream.getvalue()  # 97 of 10 s each
+
+
 def test_silent_writes_nothing(capsys):
     with Progress("silent") as progress:
         progress.start(10)

@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from itertools import pairwise
 from textwrap import wrap
 from typing import TextIO
 
@@ -17,8 +18,9 @@ from ibrid.report.look.numbers import error
 from ibrid_search.run.tally import Tally
 from ibrid_search.run.trajectory import Milestone
 
-#: Seconds that the rate looks back.
-RECENT = 30.0
+#: Waits for evaluations that the rate looks back, the least that tell the time that is left, and
+#: the part of all of them that none may take then.
+RECENT, FEWEST, LONGEST_PART = 30, 3, 0.5
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Progress(AbstractContextManager["Progress"]):
             self._seen.append((now, snapshot.evaluations))
         if snapshot.evaluations != self._seen[-1][1]:
             self._seen.append((now, snapshot.evaluations))
-        while len(self._seen) > 2 and now - self._seen[1][0] > RECENT:
+        while len(self._seen) > RECENT + 1:
             self._seen.popleft()
         if now - self._shown >= self._display.pause:
             self._draw(now)
@@ -117,21 +119,28 @@ class Progress(AbstractContextManager["Progress"]):
         would have been left.
         """
         if self._last is not None and (self._last is not self._drawn or self._display.kept):
-            self._draw(self._clock(), over=True)
+            self._draw(self._clock(), ended=True)
         self._last = None
         self._display.close()
 
     def __exit__(self, *_: object) -> None:
         self.finish()
 
-    def _draw(self, now: float, *, over: bool = False) -> None:
+    def _is_steady(self, now: float) -> bool:
+        """Whether evaluations end so evenly that their rate tells how long the others take."""
+        times = [*(time for time, _ in self._seen), now]
+        longest = max(after - before for before, after in pairwise(times))
+        return len(self._seen) > FEWEST and longest <= LONGEST_PART * (now - times[0])
+
+    def _draw(self, now: float, *, ended: bool = False) -> None:
         if self._last is not None:
             began, before = self._seen[0]
             done = self._last.evaluations - before
             rate = done / (now - began) if done > 0 and now > began else None
+            over = ended or not self._is_steady(now)
             text = progress_line(self._last, self._total, rate, self._display.width, over=over)
             share = (
-                None if over or not self._total else min(self._last.evaluations / self._total, 1.0)
+                None if ended or not self._total else min(self._last.evaluations / self._total, 1.0)
             )
             self._display.state(text, share)
             self._shown, self._drawn = now, self._last
@@ -148,8 +157,8 @@ def progress_line(
     """One line, with shorter words, and at last without the shares, where the width does not allow
     more.
 
-    rate : evaluations per second, None while it is not known. over : nothing follows, so that no
-    time is left to tell.
+    rate : evaluations per second, None while it is not known. over : no time that is left is told,
+    since nothing follows or nobody knows.
     """
     tally = snapshot.tally
     if total is not None and snapshot.evaluations > total:
