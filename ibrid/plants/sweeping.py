@@ -190,7 +190,7 @@ def plant_named(name: str) -> ReferenceInverter:
 @hearing_interrupts()
 def sweep(
     plant: ReferenceInverter | str,
-    operating_points: Sequence[OperatingPoint] | None,
+    operating_points: Sequence[OperatingPoint | str] | None,
     frequency: np.ndarray,
     *,
     method: Method = "linear",
@@ -202,7 +202,7 @@ def sweep(
     """The admittance sweep that a measurement of this inverter would give.
 
     plant : a reference inverter or its name.
-    operating_points : None: the plant's own.
+    operating_points : or "p=0.5,q=0[,v=1.02]", per unit; None: the plant's own.
     frequency : (K,) Hz, ascending.
     method : "linear": Y = C (j omega I - A)^-1 B + D; "time": sinusoids injected into the nonlinear
     simulation.
@@ -223,7 +223,8 @@ def sweep(
             "give noise_db too."
         )
     frequency = frequencies_of(frequency)
-    points = plant.operating_points if operating_points is None else tuple(operating_points)
+    said = plant.operating_points if operating_points is None else operating_points
+    points = [operating_point(one) if isinstance(one, str) else one for one in said]
     clean = Sweep(
         points=tuple(
             PointSweep(op, frequency, _admittance(plant, op, frequency, method)) for op in points

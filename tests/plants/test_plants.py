@@ -82,6 +82,13 @@ def test_slow_admittance_keeps_p_and_q_constant(name, text):
         )
 
 
+def test_set_points_are_taken_as_they_are_written_at_the_prompt():
+    frequency = np.geomspace(5.0, 500.0, 3)
+    written = sweep("gfm_droop", ["p=0.5,q=0"], frequency)
+    given = sweep("gfm_droop", [operating_point("p=0.5,q=0")], frequency)
+    np.testing.assert_array_equal(written.points[0].Y, given.points[0].Y)
+
+
 def test_admittance_at_minus_omega_is_the_conjugate():
     linear = state_space(PAPER_LIKE, operating_point(POINTS[0]))
     frequency = np.array([7.0, 130.0, 2500.0])
