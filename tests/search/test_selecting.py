@@ -2,23 +2,27 @@
 
 import json
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
-from fitted import measured
+from fitted import evaluated, measured
 from ibrid_search.evaluation.assess import Assessor
+from ibrid_search.run.run_folder import write_best
 from ibrid_search.run.selection import read_selection
 from ibrid_search.screening.selection_criterion import NoiseFloor, estimate_noise_floor
-from ibrid_search.selection.rivals import rivals_of
+from ibrid_search.selection.rivals import open_structures, rivals_of
 from ibrid_search.selection.selecting import MOST, select
 from ibrid_search.step import Status, Step
 from scripted_search import QUICK
 from sharing import shared
 
 import ibrid
+from ibrid.errors import IbridError
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
 from ibrid.measurement.sweeps.amplitudes import EVERY
+from ibrid.structure.compiling.canonical import structure_hash
 from ibrid.study import Study
 from ibrid.writing import json_lines
 
@@ -317,3 +321,13 @@ def test_where_two_models_differ_most_is_named():
     assert rival.differs == pytest.approx(np.linalg.norm(y[0] - y[1]) / np.linalg.norm(y[0]))
     assert "would tell" in rival.words(rival.differs / 2)
     assert "no sweep" in rival.words(rival.differs * 2)
+
+
+def test_of_a_stopped_run_the_best_so_far_is_the_open_structure(tmp_path: Path):
+    with pytest.raises(IbridError, match="the search has no answer yet"):
+        open_structures(tmp_path)
+    best = evaluated("gfl_exact")
+    write_best(tmp_path, best)
+    names, (record,) = open_structures(tmp_path)
+    assert record.to_json() == best.to_json()
+    assert names == (structure_hash(best.diagram, best.vocabulary),)

@@ -13,16 +13,17 @@ import numpy as np
 
 from ibrid.analysis.models.prediction import predict
 from ibrid.errors import IbridError
-from ibrid.evaluation.record import Record
+from ibrid.evaluation.record import Record, read_record
 from ibrid.fit.adequacy import EQUALLY_GOOD
 from ibrid.gap.recordings.event_evaluation import fit_and_score
 from ibrid.gap.recordings.event_problem import build_event_problem
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.modules.kind import ModuleKind
+from ibrid.structure.compiling.canonical import structure_hash
 from ibrid.study import Study
 from ibrid.writing import inside
-from ibrid_search.run.run_folder import ARCHIVE, SELECTION
+from ibrid_search.run.run_folder import ARCHIVE, BEST_RECORD, SELECTION
 from ibrid_search.run.selection import read_selection
 from ibrid_search.run.store import Store
 from ibrid_search.run.trajectory import eligible
@@ -200,14 +201,18 @@ def rivals_beside(judged: Sequence[Judged], steps: Sequence[Step]) -> tuple[Riva
 def open_structures(
     folder: Path, vocabulary: str | Sequence[ModuleKind] = "extended"
 ) -> tuple[tuple[str, ...], tuple[Record, ...]]:
-    """Hashes of structures and their records, the answer first; IbridError where the run has not
-    ended or is damaged.
+    """Hashes of structures and their records, the answer first; of a run that was stopped its best
+    so far. IbridError where there is neither or the run is damaged.
     """
     selection = read_selection(inside(folder, SELECTION))
     if selection is None or selection.answer is None:
-        raise IbridError(
-            f"{folder}: the search has no answer yet; finish it with ibrid search ... --resume"
-        )
+        best = inside(folder, BEST_RECORD)
+        if not best.is_file():
+            raise IbridError(
+                f"{folder}: the search has no answer yet; finish it with ibrid search ... --resume"
+            )
+        record = read_record(best, vocabulary)
+        return (structure_hash(record.diagram, record.vocabulary),), (record,)
     with Store.open(inside(folder, ARCHIVE), read_only=True) as store:
         steps = [store.step(number) for number in (selection.answer, *selection.rival_steps)]
         records = tuple(store.record(step.number, vocabulary) for step in steps)
