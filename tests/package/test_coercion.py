@@ -126,3 +126,41 @@ def test_an_inspection_takes_what_reading_takes():
     assert ibrid.inspect("paper_like", f0_hz=50.0).f0_hz == 50
     with pytest.raises(IbridError, match="f0_hz: is said of a file"):
         ibrid.inspect(benchmark(), f0_hz=50.0)
+
+
+def test_sweeps_are_added_subtracted_and_multiplied_entry_by_entry():
+    first = ibrid.add_noise(benchmark(), 40.0, rng=np.random.default_rng(1), repeats=3)
+    second = ibrid.add_noise(benchmark(), 40.0, rng=np.random.default_rng(2), repeats=3)
+    name = first.names[0]
+    apart = first - second
+    assert np.array_equal(apart.Y[name], first.Y[name] - second.Y[name])
+    assert np.allclose(apart[name].sigma, np.hypot(first[name].sigma, second[name].sigma))
+    assert np.allclose((apart + second).Y[name], first.Y[name])
+    assert np.array_equal((2 * first).Y[name], (first * 2).Y[name])
+    assert np.allclose((2 * first)[name].sigma, 2 * first[name].sigma)
+    assert not (first - first).Y[name].any()
+    with pytest.raises(IbridError, match="bring one to those of the other with resample"):
+        _ = first - second["10-500Hz"]
+    with pytest.raises(IbridError, match="the same operating points"):
+        _ = first - second.only(name)
+    with pytest.raises(TypeError):
+        _ = first + 1
+
+
+def test_a_sweep_is_resampled_between_its_frequencies_and_not_beyond():
+    sweep = benchmark()
+    name, own = sweep.names[0], sweep.points[0].frequency
+    assert np.allclose(sweep.resample(own).Y[name], sweep.Y[name])
+    between = sweep.resample([np.sqrt(own[3] * own[4])]).Y[name][0]  # halfway in log f
+    assert np.allclose(between, (sweep.Y[name][3] + sweep.Y[name][4]) / 2)
+    with pytest.raises(IbridError, match="nothing is extrapolated"):
+        sweep.resample([1.0, 100.0])
+
+
+def test_several_events_are_drawn_over_each_other_with_their_numbers():
+    fault = ibrid.read_events(ibrid.examples()["fault.csv"], base="50kVA,690V", f0_hz=60.0)
+    figure = ibrid.plot(fault, fault)
+    labels = [line.get_label() for line in figure.axes[0].get_lines()]
+    assert [label for label in labels if "v_d" in str(label)] == ["1: fault v_d", "2: fault v_d"]
+    with pytest.raises(IbridError, match="or events alone"):
+        ibrid.plot(fault, "paper_like")

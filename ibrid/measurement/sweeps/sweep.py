@@ -10,6 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, pi
+from numbers import Number
 from os import PathLike
 from typing import Any, Literal, get_args
 
@@ -292,6 +293,8 @@ def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
         raise SweepError(f"power_node must be capacitor or pcc; found {data.power_node}.")
 
 
+#: Where sweeps are added, multiplied and interpolated.
+_ARITHMETIC = "ibrid.measurement.sweeps.arithmetic"
 #: Name of an operating point -> numbers at its frequencies.
 ByPoint = dict[str, np.ndarray]
 
@@ -392,6 +395,30 @@ class Sweep(Frozen):
                 )
             parts.append(point.at(within))
         return replace(self, points=tuple(parts))
+
+    def resample(self, frequencies: Sequence[float] | np.ndarray) -> "Sweep":
+        """The sweep at other frequencies, Hz, between its own ones; SweepError beyond them."""
+        return made_above(self, _ARITHMETIC, "resampled", frequencies)
+
+    def __add__(self, other: Any) -> Any:
+        """The sum of two sweeps of the same operating points and frequencies."""
+        if not isinstance(other, Sweep):
+            return NotImplemented
+        return made_above(self, _ARITHMETIC, "added", other, 1.0)
+
+    def __sub__(self, other: Any) -> Any:
+        """Their difference."""
+        if not isinstance(other, Sweep):
+            return NotImplemented
+        return made_above(self, _ARITHMETIC, "added", other, -1.0)
+
+    def __mul__(self, number: Any) -> Any:
+        """Every admittance times a number."""
+        if not isinstance(number, Number):
+            return NotImplemented
+        return made_above(self, _ARITHMETIC, "multiplied", number)
+
+    __rmul__ = __mul__
 
     @property
     def Y(self) -> ByPoint:
