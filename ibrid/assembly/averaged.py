@@ -16,6 +16,7 @@ from ibrid.assembly.module_motion import Module, by_port
 from ibrid.assembly.rest import Rest
 from ibrid.border import methods_take_kinds
 from ibrid.frozen import Frozen
+from ibrid.showing import brief, shown
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
 from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of
 
@@ -44,6 +45,17 @@ class NonlinearModel(Frozen):
     z0: np.ndarray
     v0: np.ndarray
     r0: np.ndarray
+
+    def __repr__(self) -> str:
+        return brief(
+            f"<NonlinearModel: {len(self.states)} states, references "
+            f"{', '.join(self.references) or 'none'}",
+            ">",
+        )
+
+    def _repr_html_(self) -> str:
+        """States at rest, for notebooks."""
+        return shown(self, "pages.notebook", "model_html")
 
     @property
     def i0(self) -> np.ndarray:

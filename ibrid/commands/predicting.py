@@ -40,7 +40,7 @@ def run_predict(arguments: Namespace) -> int:
     if arguments.port is not None:
         return _predict_plant(arguments)
 
-    from ibrid.analysis.models.prediction import predict, predicted_sweep
+    from ibrid.analysis.models.prediction import SCHEMA, predict, predicted_sweep
     from ibrid.measurement.formats.csv_file import write_sweep
     from ibrid.plants.sweeping import frequency_grid
     from ibrid.report.texts.prediction_text import format_predictions
@@ -54,7 +54,7 @@ def run_predict(arguments: Namespace) -> int:
     write_sweep(
         sweep, arguments.out, header=(made, bands) if sweep.points[0].sigma is not None else (made,)
     )
-    content = {"schema": "ibrid.prediction/1", "points": [one.plain() for one in predictions]}
+    content = {"schema": SCHEMA, "points": [one.plain() for one in predictions]}
     if not give_json(content, arguments.json):
         print(format_predictions(predictions))
         say_sweep(sweep, arguments.out)

@@ -166,12 +166,12 @@ def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
         np.errstate(divide="ignore"),
     ):  # of zero nothing is drawn
         if ax is not None:
-            _nfp(pair := _two(ax, "magnitude and phase"), jacobian)
+            draw_nfp(pair := _two(ax, "magnitude and phase"), jacobian)
             on_white(*pair)
             return ax
         figure = DisplayedFigure(figsize=(11, 6), layout="constrained")
         parts: Any = figure.subplots(2, 2, sharex=True)
-        _nfp([parts[0, 1], parts[1, 1]], jacobian)
+        draw_nfp([parts[0, 1], parts[1, 1]], jacobian)
         for column, cause in enumerate(("angle", "voltage")):
             for row, power in enumerate("pq"):
                 size = 20 * np.log10(np.abs(jacobian.matrix[:, row, column]))
@@ -182,7 +182,8 @@ def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
     return figure
 
 
-def _nfp(pair: Sequence[Any], jacobian: PowerJacobian) -> None:
+def draw_nfp(pair: Sequence[Any], jacobian: PowerJacobian) -> None:
+    """Magnitude in dB and phase in degrees, on two axes."""
     magnitude, phase = pair
     magnitude.semilogx(jacobian.frequency, 20 * np.log10(np.abs(jacobian.nfp)))
     magnitude.set(title="NFP: dp over df", ylabel="dB")

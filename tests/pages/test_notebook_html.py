@@ -1,5 +1,6 @@
 """Objects show themselves in notebooks: self-contained HTML that touches nothing around it."""
 
+import json
 import re
 import subprocess
 import sys
@@ -179,6 +180,30 @@ def test_a_study_of_one_given_grid_has_no_critical_ratio_and_is_shown_all_the_sa
 
 
 @pytest.mark.slow
+def test_models_comparisons_and_analyses_are_short_and_show_themselves(record: Record):
+    op = "p=1,q=0.3"
+    values = (
+        ibrid.power_jacobian(record, op, np.geomspace(5, 500, 5)),
+        ibrid.residuals(record, benchmark()),
+        ibrid.compare("gfl", "gfl_exact"),
+        ibrid.predict(record, op, np.geomspace(5, 500, 5)).model,
+        ibrid.nonlinear_model(record, op),
+    )
+    for value in values:
+        assert re.fullmatch(rf"<{type(value).__name__}\W.{{,190}}>", repr(value))
+        shown = checked(value._repr_html_())
+        assert "<svg" in shown or "<pre>" in shown
+
+
+def test_a_prediction_is_a_table_and_is_saved(predicted: Prediction, tmp_path: Path):
+    table = predicted.to_dataframe()
+    assert [*table.columns] == ["freq_hz", "entry", "real", "imaginary", "sigma"]
+    assert table["imaginary"][2] == predicted.admittance[0, 1, 0].imag
+    predicted.save(tmp_path / "point.json")
+    saved = json.loads((tmp_path / "point.json").read_text())
+    assert saved["points"][0]["op"] == predicted.op.name
+
+
 def test_outputs_beside_each_other_share_no_identifier(
     record: Record, predicted: Prediction, study: Stability
 ):

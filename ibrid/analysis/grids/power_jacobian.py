@@ -77,6 +77,10 @@ class PowerJacobian(Frozen):
         """
         return shown(self, "plotting", "jacobian_plot", ax)
 
+    def _repr_html_(self) -> str:
+        """The NFP, for notebooks."""
+        return shown(self, "pages.notebook", "jacobian_html")
+
 
 @takes_kinds
 def power_jacobian(

@@ -14,6 +14,7 @@ from ibrid.errors import DiagramError, IbridError, OperatingPointError, near
 from ibrid.evaluation.record import Record
 from ibrid.frozen import Frozen
 from ibrid.plants.sweeping import operating_point
+from ibrid.showing import brief, shown
 
 UNITS = (
     "per unit on the inverter's base, time in s: dx/dt = A x + B [v_D, v_Q], [i_D, i_Q] = C x + D "
@@ -55,6 +56,13 @@ class LinearModel(Frozen):
     i0: tuple[float, float]
     s_base_va: float | None
     v_base_v: float | None
+
+    def __repr__(self) -> str:
+        return brief(f"<LinearModel at {self.op}: {self.name}, {len(self.states)} states", ">")
+
+    def _repr_html_(self) -> str:
+        """The terminals at rest, for notebooks."""
+        return shown(self, "pages.notebook", "model_html")
 
     @property
     def omega_0(self) -> float:

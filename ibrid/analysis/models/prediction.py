@@ -4,6 +4,8 @@ with bands.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,10 +22,11 @@ from ibrid.frozen import Frozen
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.conventions.rotation import rotation
 from ibrid.measurement.sweeps.frequencies import frequencies_of
-from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
-from ibrid.showing import brief, shown
-from ibrid.writing import PlainData
+from ibrid.measurement.sweeps.sweep import ENTRIES, OperatingPoint, PointSweep, Sweep
+from ibrid.showing import brief, made_above, shown
+from ibrid.writing import PlainData, write_json
 
+SCHEMA = "ibrid.prediction/1"
 #: Part of |Y| by which an invisible direction must move a prediction to be named, and |Y| below
 #: which nothing is measured, per unit: without current and with unit feedforward an inverter
 #: answers nothing.
@@ -125,6 +128,24 @@ class Prediction(Frozen):
         entry, on those.
         """
         return shown(self, "plotting", "prediction_plot", ax, entry)
+
+    def save(self, path: str | PathLike[str]) -> None:
+        """Write the JSON of `ibrid predict --json`, replacing the file atomically."""
+        write_json(Path(path), {"schema": SCHEMA, "points": [self.plain()]})
+
+    def to_dataframe(self) -> Any:
+        """A pandas DataFrame: freq_hz, entry, real, imaginary, and sigma of each part, NaN where it
+        is not known.
+        """
+        sigma = np.full(self.admittance.shape, np.nan) if self.sigma is None else self.sigma
+        rows = [
+            {"freq_hz": hz, "entry": entry, "real": y.real, "imaginary": y.imag, "sigma": deviation}
+            for hz, matrix, deviations in zip(
+                self.frequency.tolist(), self.admittance, sigma, strict=True
+            )
+            for entry, y, deviation in zip(ENTRIES, matrix.flat, deviations.flat, strict=True)
+        ]
+        return made_above(rows, "ibrid.measurement.dataframe", "table_frame")
 
     def _repr_html_(self) -> str:
         """Stability, warnings and the four admittances with bands, for notebooks."""

@@ -59,6 +59,10 @@ class Residuals(Frozen):
         """
         return shown(self, "plotting", "residuals_plot")
 
+    def _repr_html_(self) -> str:
+        """Residuals over frequency, for notebooks."""
+        return shown(self, "pages.notebook", "residuals_html")
+
     def to_dataframe(self) -> Any:
         """A pandas DataFrame: op, freq_hz, entry, real, imaginary."""
         rows = [

@@ -9,9 +9,13 @@ from pathlib import Path
 
 import numpy as np
 
+from ibrid.analysis.grids.power_jacobian import PowerJacobian
 from ibrid.analysis.grids.stability import Stability
+from ibrid.analysis.models.linear_model import LinearModel
 from ibrid.analysis.models.modes import QUANTILE
 from ibrid.analysis.models.prediction import Prediction
+from ibrid.analysis.models.residuals import Residuals
+from ibrid.assembly.averaged import NonlinearModel
 from ibrid.evaluation.record import Record
 from ibrid.generic.answer import GenericAnswer
 from ibrid.measurement.quality.event_inspection import EventsInspection
@@ -25,13 +29,17 @@ from ibrid.report.facts.parameter_rows import parameter_groups, values_or_none
 from ibrid.report.facts.verdict import graded, verdict
 from ibrid.report.figures.bode import Curves, bode_svgs
 from ibrid.report.figures.events import draw_events
+from ibrid.report.figures.residuals import draw_residuals
 from ibrid.report.figures.trajectory import Trajectory, draw_trajectory
 from ibrid.report.look.figure import inline_svg
 from ibrid.report.pages.generic_page import generic_facts
 from ibrid.report.pages.page import record_facts
 from ibrid.report.pages.stability_page import mode_rows, stability_facts
 from ibrid.report.pages.template import output, tag
+from ibrid.report.plotting import draw_nfp
+from ibrid.structure.comparison.compare import Comparison, format_comparison
 from ibrid.structure.diagrams.diagram import Diagram
+from ibrid.writing import aligned
 
 #: Operating points of a sweep that are drawn.
 DRAWN = 6
@@ -61,7 +69,49 @@ def sweep_html(sweep: Sweep) -> str:
 
 def inspection_html(inspection: Inspection | EventsInspection) -> str:
     """The first look at a sweep or at records of events, as the command line prints it."""
-    return output("inspection.html", {"inspection": inspection, "text": str(inspection)}, shown=())
+    return _written("First look", str(inspection))
+
+
+def comparison_html(comparison: Comparison) -> str:
+    """What two diagrams have in common, as the command line prints it."""
+    return _written("Comparison", format_comparison(comparison))
+
+
+def model_html(model: LinearModel | NonlinearModel) -> str:
+    """What a model is and where it rests: at its terminals, or in its states."""
+    if isinstance(model, LinearModel):
+        values = model.at_rest()
+    else:
+        values = dict(zip(model.states, model.x0.tolist(), strict=True))
+    rows = [(name, f"{value:.6g}") for name, value in values.items()]
+    return _written(repr(model).strip("<>"), aligned(rows))
+
+
+def jacobian_html(jacobian: PowerJacobian) -> str:
+    """The NFP, drawn."""
+    svg = inline_svg(
+        lambda axes: draw_nfp(axes, jacobian),
+        name=tag(repr(jacobian.plain())),
+        label=f"Power over the frequency of the grid at {jacobian.op}.",
+        size=(8.0, 4.6),
+        rows=2,
+    )
+    return _written(repr(jacobian).strip("<>"), "", svg)
+
+
+def residuals_html(residuals: Residuals) -> str:
+    """Residuals over frequency, drawn, and whether they are white."""
+    svg = inline_svg(
+        lambda axes: draw_residuals(axes[0], residuals),
+        name=tag(repr(residuals.autocorrelation.tolist())),
+        label="Standardised residuals over frequency.",
+        size=(8.0, 3.4),
+    )
+    return _written("Residuals", repr(residuals).strip("<>"), svg)
+
+
+def _written(eyebrow: str, text: str, svg: str = "") -> str:
+    return output("inspection.html", {"eyebrow": eyebrow, "text": text, "svg": svg}, shown=())
 
 
 def events_html(events: Events) -> str:

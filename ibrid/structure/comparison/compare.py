@@ -8,6 +8,7 @@ from ibrid.border import methods_take_kinds, takes_kinds
 from ibrid.foreign_text import controls_shown
 from ibrid.modules.kind import ModuleKind
 from ibrid.modules.vocabulary import choose_vocabulary
+from ibrid.showing import shown
 from ibrid.structure.comparison.drawing import Block
 from ibrid.structure.comparison.matching import best_matching
 from ibrid.structure.comparison.simplify import Simplified, simplified
@@ -69,6 +70,17 @@ class Comparison:
     def same(self) -> bool:
         """True when everything of one is in the other."""
         return self.modules.f1 == 1.0 and self.connections.f1 == 1.0
+
+    def __repr__(self) -> str:
+        kind = "the same structure" if self.same else "different structures"
+        return (
+            f"<Comparison: {kind}, F1 {self.modules.f1:.3g} of modules, {self.connections.f1:.3g} "
+            "of connections>"
+        )
+
+    def _repr_html_(self) -> str:
+        """Shares and names, for notebooks."""
+        return shown(self, "pages.notebook", "comparison_html")
 
     def to_json(self) -> PlainData:
         """The JSON of `ibrid compare --json`."""
