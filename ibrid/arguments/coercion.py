@@ -7,6 +7,7 @@ command line reads its words here, too.
 
 import os
 from collections.abc import Callable, Collection, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -15,6 +16,7 @@ from ibrid.arguments.places import exists, is_program_text, is_record, require_f
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, ProgramError, SweepError
 from ibrid.evaluation.record import Record, read_record
+from ibrid.foreign_data import json_in, text_in
 from ibrid.measurement.formats.bundle import is_there
 from ibrid.measurement.formats.frd import from_system
 from ibrid.measurement.hardware import hardware_sweeps
@@ -118,12 +120,23 @@ def as_record(given: Any) -> Record:
 
 
 @takes_kinds
-def load(path: str | os.PathLike) -> Sweep | Events | Record | Diagram:
-    """Read what a file holds: a sweep, records of events, the record of a fit, or a program.
+def load(path: str | os.PathLike) -> Any:
+    """Read what was saved: a sweep, records of events, the record of a fit, or a program; of a
+    folder of a search or a gap the record of its answer; of another answer its JSON, plain data.
 
     A name of a shipped diagram or sweep does as well. Raises IbridError for anything else.
     """
     text = os.fspath(path)
+    if exists(text) and Path(text).is_dir():
+        for name in _RECORDS:
+            if (Path(text) / name).is_file():
+                return as_record(Path(text) / name)
+        raise IbridError(
+            f"{text} must be a file or a folder with {' or '.join(_RECORDS)}; found neither in it, "
+            "name a file of it"
+        )
+    if (answer := _answer_in(text)) is not None:
+        return answer
     if is_record(text):
         return as_record(text)
     if not exists(text) and text in shipped_names():
@@ -135,6 +148,22 @@ def load(path: str | os.PathLike) -> Sweep | Events | Record | Diagram:
     return as_sweep(text)
 
 
+def _answer_in(text: str) -> Mapping[str, Any] | None:
+    """What `save` wrote of an answer that is neither data nor a model; None of anything else."""
+    if not exists(text) or Path(text).suffix.lower() != ".json":
+        return None
+    with suppress(OSError, ValueError):
+        content = json_in(text_in(Path(text)))
+        schema = str(content.get("schema", "")) if isinstance(content, dict) else ""
+        if schema.startswith("ibrid.") and not schema.startswith(_READ_OTHERWISE):
+            return content
+    return None
+
+
+#: Schemas of records and of models, which are read as such.
+_READ_OTHERWISE = ("ibrid.record/", "ibrid.state-space/")
+#: The record of the answer in the folder of a search, and of a gap.
+_RECORDS = ("best.json", "model.json")
 #: Nothing said of a file or a table.
 EMPTY: Mapping[str, Any] = MappingProxyType({})
 #: Classes of arguments -> how something else is made one, the first that suits.

@@ -164,3 +164,19 @@ def test_several_events_are_drawn_over_each_other_with_their_numbers():
     assert [label for label in labels if "v_d" in str(label)] == ["1: fault v_d", "2: fault v_d"]
     with pytest.raises(IbridError, match="or events alone"):
         ibrid.plot(fault, "paper_like")
+
+
+def test_answers_that_were_saved_are_loaded_and_folders_give_their_record(tmp_path: Path):
+    record = evaluated("gfl_exact")
+    study = ibrid.stability(record, [2.0])
+    study.save(tmp_path / "study.json")
+    assert ibrid.load(tmp_path / "study.json")["sentences"] == list(study.sentences)
+    with pytest.raises(IbridError, match=r"a folder with best\.json or model\.json"):
+        ibrid.load(tmp_path)
+    record.save(tmp_path / "best.json")
+    assert ibrid.load(tmp_path).to_json() == record.to_json()
+
+
+def test_data_are_saved_as_text_and_no_ending_says_otherwise(tmp_path: Path):
+    with pytest.raises(IbridError, match=r"must end with \.csv"):
+        benchmark().save(tmp_path / "sweep.json")

@@ -34,6 +34,7 @@ from ibrid.measurement.sweeps.sweep import (
     require_header,
 )
 from ibrid.showing import brief, made_above, shown
+from ibrid.writing import require_text
 
 #: Least change of a set point, per unit (of f_ref in Hz), that is a step.
 LEAST_STEP = 1e-6
@@ -367,7 +368,10 @@ class Events(Frozen):
         return shown(self, "plotting", "events_plot", ax)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the events file that `read_events` takes back, replacing it atomically."""
+        """Write the events file, text in columns, that `read_events` takes back, replacing it
+        atomically.
+        """
+        require_text(path, "an events file")
         made_above(self, "ibrid.measurement.formats.event_csv", "write_events", path)
 
     def _repr_html_(self) -> str:

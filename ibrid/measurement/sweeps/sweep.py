@@ -23,6 +23,7 @@ from ibrid.frozen import Frozen
 from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.ranges import require_in_range
 from ibrid.showing import brief, made_above, shown
+from ibrid.writing import require_text
 
 PowerNode = Literal["capacitor", "pcc"]
 #: Entries of a 2x2 dq admittance -> row and column, in the order of files and tables.
@@ -465,7 +466,10 @@ class Sweep(Frozen):
         return shown(self, "plotting", "sweep_plot", ax, entry)
 
     def save(self, path: str | PathLike[str]) -> None:
-        """Write the sweep file that `read_sweep` takes back, replacing it atomically."""
+        """Write the sweep file, text in columns, that `read_sweep` takes back, replacing it
+        atomically.
+        """
+        require_text(path, "a sweep")
         made_above(self, "ibrid.measurement.formats.csv_file", "write_sweep", path)
 
     def to_dataframe(self) -> Any:
