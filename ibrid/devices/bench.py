@@ -164,8 +164,8 @@ class DeviceBench:
                     f"{deaf} moves no power of the device at {op.name}, which delivers p = "
                     f"{delivered.p:.4g}, "
                     f"q = {delivered.q:.4g}; see whether [parameters] let it follow that "
-                    "reference, and whether settle_s is long "
-                    "enough for it to start"
+                    "reference, which a flag of a voltage or power factor control among them may "
+                    "switch off, and whether settle_s is long enough for it to start"
                 )
             values = values + step
             self._put(taken, values)
