@@ -18,6 +18,7 @@ from ibrid.errors import SweepError
 from ibrid.interrupts import hearing_interrupts
 from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.measurement.sweeps.frequencies import frequencies_of
+from ibrid.measurement.sweeps.noise import SIMULATED
 from ibrid.measurement.sweeps.sweep import OperatingPoint, Sweep
 from ibrid.own_files import writing_as
 from ibrid.plants.sweeping import operating_point
@@ -167,7 +168,7 @@ def _how(multisine: Multisine, settings: MeasureSettings) -> str:
     """How it was measured, for the file."""
     period = multisine.samples * multisine.step_s
     return (
-        f"measured by multisines that reach {settings.peak:g} and twice that per unit, lines at "
+        f"{SIMULATED} that reach {settings.peak:g} and twice that per unit, lines at "
         "odd multiples of "
         f"{1 / period:.6g} Hz, {multisine.samples} samples of {multisine.step_s:g} s a period"
     )

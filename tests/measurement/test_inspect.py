@@ -3,12 +3,14 @@ read.
 """
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from collecting import each_of
 
+import ibrid
 from ibrid.measurement import (
     OperatingPoint,
     PointSweep,
@@ -223,3 +225,14 @@ def test_numbers_are_short():
         "1 free parameter",
         "2 free parameters",
     ]
+
+
+def test_a_simulated_device_has_no_background_harmonics():
+    frequency = np.array([7.0, 11.0, 23.0, 37.0, 60.0, 83.0, 120.0, 170.0, 250.0, 410.0])
+    measured = ibrid.sweep("gfl_l_filter", None, frequency)
+    simulated = replace(measured, notes=("measured by multisines that reach 0.01",))
+    warned = [
+        any("background harmonics" in one for one in inspect(sweep).warnings)
+        for sweep in (measured, simulated)
+    ]
+    assert warned == [True, False]

@@ -204,6 +204,11 @@ def test_a_prediction_is_a_table_and_is_saved(predicted: Prediction, tmp_path: P
     assert saved["points"][0]["op"] == predicted.op.name
 
 
+def test_the_surroundings_of_minus_one_hide_the_curves_behind_them(study: Stability):
+    loci = study._repr_html_().split("squeezed")  # of the plane's labels, before the inset's
+    assert "fill: var(--page,canvas)" in "".join(loci[1:])
+
+
 def test_outputs_beside_each_other_share_no_identifier(
     record: Record, predicted: Prediction, study: Stability
 ):

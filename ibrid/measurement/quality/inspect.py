@@ -4,6 +4,7 @@ careful about.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from math import exp
 from os import PathLike
 from pathlib import Path
@@ -34,7 +35,13 @@ from ibrid.measurement.quality.wrong_rows import WrongRow, contradicted_rows, wr
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.amplitudes import levels_of
 from ibrid.measurement.sweeps.linearity import linearity
-from ibrid.measurement.sweeps.noise import PointNoise, Source, estimate, points_per_decade
+from ibrid.measurement.sweeps.noise import (
+    SIMULATED,
+    PointNoise,
+    Source,
+    estimate,
+    points_per_decade,
+)
 from ibrid.measurement.sweeps.quantities import counted, hertz, percent
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, PowerNode, Sweep
 from ibrid.ranges import require_in_range
@@ -270,13 +277,14 @@ def warnings_of(
     ]
     amplitudes = linearity(sweep)
     sentences += [] if amplitudes is None or not amplitudes.bands else [amplitudes.sentence]
+    simulated = any(note.startswith(SIMULATED) for note in sweep.notes)
     checks = (
         _setpoints,
         _number_of_points,
         _noise,
         _coverage,
         _resonances,
-        _lines,
+        partial(_lines, simulated=simulated),
         _outliers,
         _conditioning,
     )
@@ -358,7 +366,8 @@ def _resonances(points: Sequence[PointInspection]) -> Iterator[str]:
         )
 
 
-def _lines(points: Sequence[PointInspection]) -> Iterator[str]:
+def _lines(points: Sequence[PointInspection], *, simulated: bool = False) -> Iterator[str]:
+    """Points where the grid's own harmonics disturb; there is no grid behind a simulated device."""
     orders = sorted({line.order for point in points for line in point.lines})
     sticking = sorted({line.order for point in points for line in point.lines if line.outlying})
     text = (
@@ -369,7 +378,7 @@ def _lines(points: Sequence[PointInspection]) -> Iterator[str]:
             f"{text}those at {', '.join(map(str, sticking[:8]))} stick out, background harmonics? "
             "Leave them out."
         )
-    elif orders:
+    elif orders and not simulated:
         yield (
             f"{text}background harmonics of the grid add to the response there, compare with their "
             "neighbours."

@@ -14,6 +14,9 @@ from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.measurement.sweeps.vector_fit import left_over
 from ibrid.ranges import require_in_range
 
+#: How the note of a sweep begins that a model gave, behind which there is no grid.
+SIMULATED = "measured by multisines"
+
 
 @takes_kinds
 def add_noise(

@@ -49,6 +49,9 @@ DASHES: tuple[LineStyleType, ...] = (
 #: sheet.
 INK, MUTED, RULE, DANGER = "#010203", "#020304", "#030405", "#040506"
 STAND_INS = {INK: "var(--ink)", MUTED: "var(--muted)", RULE: "var(--rule)", DANGER: "var(--danger)"}
+#: Of the page behind a figure, where a part of it covers another; notebooks have their own.
+PAGE = "#040607"
+STAND_INS |= {PAGE: "var(--page,canvas)"}
 SERIES_STAND_INS = tuple(f"#0506{index:02x}" for index in range(len(SERIES)))
 STAND_INS |= {stand_in: f"var(--series-{index})" for index, stand_in in enumerate(SERIES_STAND_INS)}
 

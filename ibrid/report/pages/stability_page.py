@@ -13,7 +13,7 @@ from ibrid.analysis.models.modes import QUANTILE, Mode
 from ibrid.report.facts.modes import pole_plane
 from ibrid.report.look.figure import inline_svg
 from ibrid.report.look.numbers import interval, number
-from ibrid.report.look.style import DANGER, INK, MUTED, Axes, series
+from ibrid.report.look.style import DANGER, INK, MUTED, PAGE, Axes, series
 from ibrid.report.pages.template import page
 from ibrid.report.texts.prediction_text import shown_modes
 from ibrid.report.texts.stability_text import CASE_HEAD, case_cells, grid_name, passivity_words
@@ -232,6 +232,7 @@ def _draw_near(near: Axes, cases: Sequence[GridCase]) -> None:
     locus is nearest to it.
     """
     half = 3.0 * max(min(case.nyquist.vector_margin for case in cases), 1e-6)
+    near.axhspan(-half, half, facecolor=PAGE, zorder=0)  # what lies behind would seem to be of it
     for index, case in enumerate(cases):
         colour, _, dashes = series(index)
         loci = case.nyquist.loci + 1.0
