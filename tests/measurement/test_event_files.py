@@ -13,6 +13,7 @@ from ibrid.measurement.formats.event_csv import COLUMNS, write_events
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import is_events_file
 from ibrid.measurement.recordings.events import EventRecord
+from ibrid.measurement.sweeps.sweep import OperatingPoint
 
 F0, BEGIN, END = 50.0, 0.1, 0.2
 V_BASE, S_BASE = 400.0, 10e3
@@ -450,7 +451,7 @@ def test_prose_behind_a_word_that_others_use_as_a_key_is_a_note(tmp_path):
 
 def test_what_a_record_was_told_cannot_be_changed():
     time, still = np.linspace(0.0, 1.0, 5), np.zeros((5, 2))
-    rest = ibrid.OperatingPoint("a", 0.5, 0.1)
+    rest = OperatingPoint("a", 0.5, 0.1)
     record = EventRecord(rest, time, still + 1.0, still, 0.1, told={"p_ref": np.ones(5)})
     with pytest.raises(TypeError, match="frozen"):
-        record.told["p_ref"] = np.zeros(5)
+        record.told["p_ref"] = np.zeros(5)  # type: ignore[index]
