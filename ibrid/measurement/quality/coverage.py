@@ -145,6 +145,8 @@ def outliers(point: PointSweep, factor: float = 6.0) -> np.ndarray | None:
         lines.append(values[before] + share[:, None] * (values[after] - values[before]))
     miss = np.zeros(count)
     miss[inner] = np.linalg.norm(values[inner] - np.median(lines, axis=0), axis=1) / size[inner]
-    usual = np.array([np.median(miss[max(3, k - 7) : min(count - 3, k + 8)]) for k in range(count)])
+    around = np.full(count + 14, np.nan)
+    around[inner + 7] = miss[inner]
+    usual = np.nanmedian(np.lib.stride_tricks.sliding_window_view(around, 15), axis=1)
     beside = np.maximum(np.roll(miss, 1), np.roll(miss, -1))
     return (miss > factor * np.maximum(usual, 1e-6)) & (miss > 3 * beside)
