@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import block_diag
 
 from ibrid.errors import IbridError
 
@@ -243,9 +242,12 @@ def _realised(poles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """A and b of the columns of `partial_fractions` as real states, sum c/(s - p) = c (s - A)^-1
     b.
     """
-    blocks = [
-        [[one.real, one.imag], [-one.imag, one.real]] if one.imag else [[one.real]] for one in poles
-    ]
-    return np.asarray(block_diag(*blocks)), np.concatenate(
-        [[2.0, 0.0] if one.imag else [1.0] for one in poles]
-    )
+    paired = np.imag(poles) != 0
+    states = np.where(paired, 2, 1)
+    first = np.cumsum(states) - states
+    pair, upper = first[paired], poles[paired]
+    matrix, column = np.zeros((states.sum(),) * 2), np.zeros(states.sum())
+    matrix[first, first], column[first] = np.real(poles), 1.0
+    matrix[pair + 1, pair + 1], column[pair] = np.real(upper), 2.0
+    matrix[pair, pair + 1], matrix[pair + 1, pair] = np.imag(upper), -np.imag(upper)
+    return matrix, column
