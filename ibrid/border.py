@@ -166,7 +166,7 @@ def _taken(
     """An argument as a function takes it; what stands for a sweep, events, a diagram or a record
     is made one.
 
-    said : further keywords, taken out where they say of a file or a table what that does not.
+    said : further keywords, emptied once a file or a table was read with them.
 
     Raises IbridError where nothing makes it one.
     """
@@ -236,9 +236,10 @@ def _fields_of(made: type) -> tuple[tuple[str, tuple[type, ...], type], ...]:
 
 @contextmanager
 def _border_of(function: str) -> Iterator[None]:
-    """Within the outermost function, an error that is no sentence becomes one, not one in which
-    code of the user's took part, that of a call without an argument, or a contract test's; and a
-    sentence names arguments, not options, where no command is at work.
+    """Turn an unforeseen error of the outermost function into a sentence, and name arguments in
+    place of options outside a command.
+
+    Errors of the user's own code, of a call without an argument and of contract tests pass.
     """
     token = _INSIDE.set(True) if not _INSIDE.get() else None
     try:

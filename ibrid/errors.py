@@ -60,24 +60,27 @@ class UnfinishedError(IbridError):
 
 #: Whether a command is at work, whose options errors name; else functions are called.
 AT_THE_PROMPT: ContextVar[bool] = ContextVar("at the prompt", default=False)
-#: A command as a whole, which stays, or an option that functions have too, and what follows it
-#: where that is a value.
+#: A command from `ibrid import` to `;`, which stays as it is, or an option that functions have too,
+#: with its value if one follows.
 _OPTION = re.compile(
     r"\bibrid [a-z]+ [^;]*"
-    r"|--(map|channels|ratio|from|to|unit|base|current|q-axis|voltage-axis|frame-deg|power-node"
-    r"|f0-hz|decimal|polar|quantity|sequence-frequency|op|[pqv]|parameters|equilibrium|labels"
-    r"|holdout-op)\b"
-    r"""(?: (?!(?:and|are|beside|is|if|must|multiplies|needs|of|or|says)\b)("[^"]*"|[^\s"]+))?"""
+    r"|(?<![^\s(])--(map|channels|ratio|from|to|unit|base|current|q-axis|voltage-axis|frame-deg"
+    r"|power-node|f0-hz|decimal|polar|quantity|sequence-frequency|op|[pqv]|parameters|equilibrium"
+    r"|labels|holdout-op)\b"
+    r"(?: (?!(?:and|are|beside|is|if|must|multiplies|needs|of|or|says)\b)"
+    r"""("[^"]*"|'[^']*'|[^\s"']+))?"""
 )
-#: A value, of which two dots are a part, and the marks of the sentence behind it.
-_WITHOUT_MARKS = re.compile(r"^(.*?(?:\.\.)?)[.,;:)]*$")
-#: Options that a call names otherwise.
-_KEYS = {"from": "begin", "to": "end"}
+#: A value without the punctuation of the sentence behind it; `..` and a mark alone belong to it.
+_WITHOUT_MARKS = re.compile(r"^(.+?(?:\.\.)?)[.,;:)]*$")
+#: Options that a call names otherwise, and those whose placeholder is no text.
+_KEYS, _NUMBERS = {"from": "begin", "to": "end"}, ("p", "q", "v")
+#: What a replaced option begins with until all are, so that neighbours are joined.
+_ARGUMENT = "\0"
 
 
 def in_python(sentence: str) -> str:
-    """A sentence with options of the command line as the arguments of a call: `--unit pu` is
-    unit="pu".
+    """A sentence with options of the command line as the arguments of a call: `--unit pu --p P` is
+    unit="pu", p=P; an option said twice is a list.
     """
 
     def argument(said: re.Match[str]) -> str:
@@ -88,10 +91,14 @@ def in_python(sentence: str) -> str:
         if said[2] is None:
             return key
         value = _WITHOUT_MARKS.sub(r"\1", said[2])
-        plain = value if re.fullmatch(r"-?[\d.]+", value) else f'"{value.strip(chr(34))}"'
-        return f"{key}={plain}{said[2][len(value) :]}"
+        is_plain = key in _NUMBERS or re.fullmatch(r"-?[\d.]+", value)
+        shown = value if is_plain else '"' + value.strip("\"'") + '"'
+        return f"{_ARGUMENT}{key}={shown}{said[2][len(value) :]}"
 
-    return _OPTION.sub(argument, sentence)
+    text = _OPTION.sub(argument, sentence)
+    text = re.sub(rf'{_ARGUMENT}(\w+)=("[^"]*") {_ARGUMENT}\1=("[^"]*")', r"\1=[\2, \3]", text)
+    text = re.sub(rf'({_ARGUMENT}\w+=(?:"[^"]*"|[^\s"]+)) (?={_ARGUMENT})', r"\1, ", text)
+    return text.replace(_ARGUMENT, "")
 
 
 def near(name: object, known: Iterable[str]) -> str:

@@ -34,12 +34,8 @@ def plain(value: Any) -> Any:
 
 def require_text(path: str | os.PathLike[str], what: str) -> None:
     """Raise IbridError for a place whose ending says that it holds no text in columns."""
-    if Path(path).suffix.lower() in _NO_TEXT:
+    if Path(path).suffix.lower() not in ("", ".csv", ".txt", ".tsv"):
         raise IbridError(f"{path}: must end with .csv, since {what} is written as text in columns")
-
-
-#: Endings of files that are read otherwise than as text in columns.
-_NO_TEXT = (".json", ".npz", ".mat", ".xlsx", ".xls", ".ods", ".parquet", ".h5", ".hdf5", ".py")
 
 
 def require_place(path: str | Path) -> None:

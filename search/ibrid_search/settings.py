@@ -13,7 +13,6 @@ from typing import Any
 from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import IbridError
 from ibrid.fit.settings import EFFORTS
-from ibrid.foreign_text import cut
 from ibrid.frozen import Frozen
 from ibrid.hanging import PROCESSOR_LIMIT
 from ibrid_search.evaluated import SCALES
@@ -91,7 +90,7 @@ class Workers:
         if not isinstance(self.number, Integral) or not 1 <= self.number <= MOST_WORKERS:
             raise IbridError(
                 f"workers must be a whole number from 1 to {MOST_WORKERS}, found "
-                f"{cut(str(self.number), 20)}"
+                f"{self.number if abs(self.number) < 1e9 else 'far more'}"
             )
 
 

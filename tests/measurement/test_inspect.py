@@ -230,7 +230,7 @@ def test_numbers_are_short():
 def test_a_simulated_device_has_no_background_harmonics():
     frequency = np.array([7.0, 11.0, 23.0, 37.0, 60.0, 83.0, 120.0, 170.0, 250.0, 410.0])
     measured = ibrid.sweep("gfl_l_filter", None, frequency)
-    simulated = replace(measured, notes=("measured by multisines that reach 0.01",))
+    simulated = replace(measured, notes=("simulated by ibrid measure: multisines that reach 0.01",))
     warned = [
         any("background harmonics" in one for one in inspect(sweep).warnings)
         for sweep in (measured, simulated)

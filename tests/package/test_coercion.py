@@ -1,6 +1,7 @@
 """Public functions take what the command line takes: names, paths, tables and responses."""
 
 import inspect
+from dataclasses import replace
 from pathlib import Path
 
 import control
@@ -10,8 +11,9 @@ from fitted import benchmark, evaluated
 
 import ibrid
 from ibrid import cli
-from ibrid.errors import IbridError, in_python
+from ibrid.errors import IbridError, SweepError, in_python
 from ibrid.evaluation.evaluate import evaluate
+from ibrid.measurement.importing.told import base_of
 
 SHIPPED = ibrid.benchmarks()["paper_like"]
 
@@ -180,3 +182,40 @@ def test_answers_that_were_saved_are_loaded_and_folders_give_their_record(tmp_pa
 def test_data_are_saved_as_text_and_no_ending_says_otherwise(tmp_path: Path):
     with pytest.raises(IbridError, match=r"must end with \.csv"):
         benchmark().save(tmp_path / "sweep.json")
+
+
+def test_sums_of_sweeps_of_other_bases_or_rests_are_refused():
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    based = replace(sweep, s_base_va=1e4, v_base_v=400.0)
+    other = replace(sweep, s_base_va=2e4, v_base_v=400.0)
+    with pytest.raises(SweepError, match="the same s_base_va"):
+        _ = based + other
+    point = sweep.points[0]
+    moved = replace(point, op=replace(point.op, p=point.op.p / 2))
+    with pytest.raises(SweepError, match="the same p, q, v"):
+        _ = sweep - replace(sweep, points=(moved, *sweep.points[1:]))
+    halves = sweep / 2 + sweep / 2 - sweep
+    assert all(not np.any(one) for one in halves.Y.values())
+    assert all(np.all(one == -sweep.Y[name]) for name, one in (-sweep).Y.items())
+
+
+def test_a_sweep_is_resampled_to_its_own_ends_as_rounding_writes_them():
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    first, last = sweep.points[0].frequency[[0, -1]]
+    wanted = np.logspace(np.log10(first), np.log10(last) + 1e-15, 30)
+    assert len(sweep.resample(wanted).points[0].frequency) == 30
+
+
+def test_options_in_a_sentence_are_arguments_in_python_and_names_of_files_stay():
+    said = "add --unit pu or --unit S --base S_VA,V_LL; --op p=1 --op p=2; --p P --q Q; --decimal ,"
+    assert in_python(said) == (
+        'add unit="pu" or unit="S", base="S_VA,V_LL"; op=["p=1", "p=2"]; p=P, q=Q; decimal=","'
+    )
+    stays = "scan--from.csv and run--op 3.csv; ibrid import F --unit pu"
+    assert in_python(stays) == stays
+
+
+def test_a_base_is_two_numbers_or_text():
+    assert base_of((50e3, 400), "base") == base_of("50kVA,400V", "base") == (50e3, 400.0)
+    with pytest.raises(SweepError, match="like 10kVA,400V"):
+        base_of((50e3,), "base")

@@ -264,8 +264,11 @@ def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
     return (said[1] or "").strip(), powers
 
 
-def base_of(text: str, option: str) -> tuple[float, float]:
-    """VA and V of a base such as 10kVA,400V or 10e3,400; SweepError otherwise."""
+def base_of(said: object, option: str) -> tuple[float, float]:
+    """VA and V of a base such as 10kVA,400V or 10e3,400, or the two numbers; SweepError
+    otherwise.
+    """
+    text = ",".join(map(str, said)) if isinstance(said, tuple | list) else str(said)
     parts = [re.fullmatch(rf"({_NUMBER})\s*({_UNIT})?", part.strip()) for part in text.split(",")]
     sizes = [_told(_number(part[1]), part[2] or "") for part in parts if part]
     unknown = [part[2] for part in parts if part and part[2] and unit_of(part[2]) is None]

@@ -13,7 +13,7 @@ from typing import Any, overload
 import numpy as np
 
 from ibrid.border import takes_kinds
-from ibrid.errors import SweepError
+from ibrid.errors import SweepError, near
 from ibrid.frozen import Frozen
 from ibrid.measurement.conventions.contradictions import Conventions, check_conventions
 from ibrid.measurement.conventions.positive_sequence import NOTE, WORDS
@@ -170,8 +170,10 @@ def inspect(
     of `ibrid.read_sweep` and `ibrid.read_events`.
     """
     if keys:
+        one = next(iter(keys))
         raise SweepError(
-            f"{', '.join(keys)}: is said of a file or a DataFrame; what was read says it itself."
+            f"{one} is no argument for what was read, which says of itself what a file may leave "
+            f"open; leave it out, or {near(one, ['sampling_hz'])}"
         )
     if isinstance(sweep, Events):
         if sampling_hz is not None:

@@ -21,6 +21,8 @@ MOST = 60
 #: A shift is named where it leaves at most this part of what a fit of the numbers as they stand
 #: leaves with as many poles, and at most so many times what their best fit leaves.
 MENDS, FLOOR = 0.2, 1.5
+#: Condition number from which on Z tells nothing.
+INVERTIBLE = 1e10
 #: What the rounding of numbers leaves over, whatever a fit leaves.
 ROUNDED = 1e-10
 #: Part of |Y| that so many stable poles leave of numbers that are those of no stable device.
@@ -55,7 +57,7 @@ def _shift_in_words(frequency: bytes, admittance: bytes) -> str:
     """The likely shift in words; "" where all entries stand in their rows."""
     hertz = np.frombuffer(frequency)
     values = np.frombuffer(admittance, dtype=complex).reshape(-1, 2, 2)
-    whole = np.linalg.cond(values) < np.inf
+    whole = np.linalg.cond(values) < INVERTIBLE
     if whole.sum() <= FEWEST:
         return ""
     hertz, values = hertz[whole], values[whole]
@@ -65,7 +67,8 @@ def _shift_in_words(frequency: bytes, admittance: bytes) -> str:
         return _BACKWARDS
     order = best_fit(hertz[rows], values[rows]).order
     floor = max(_left(hertz[rows], values[rows], order), ROUNDED)
-    for poles in (_too_few(hertz[rows], values[rows], floor / MENDS, order), order):
+    fewer = _fewer_than_needed(hertz[rows], values[rows], floor / MENDS, order)
+    for poles in dict.fromkeys((fewer, order)):
         words, least = "", min(MENDS * _left(hertz[rows], values[rows], poles), FLOOR * floor)
         for named, mended in _mended(values):
             left = _left(hertz[rows], mended[rows], poles)
@@ -77,14 +80,15 @@ def _shift_in_words(frequency: bytes, admittance: bytes) -> str:
 
 
 def _runs_backwards(hertz: np.ndarray, values: np.ndarray) -> bool:
-    """Whether no stable poles come near, as they do at the opposite of the angular frequencies,
-    which rows the other way round are a multiple of the inverse of.
+    """Whether the rows fit stable poles the other way round alone.
+
+    Reversal of rows in steps of one ratio maps f to c / f, and so a stable pole to an unstable one.
     """
     standing = _left(hertz, values, _SOME_POLES)
     return standing > UNSTABLE and _left(hertz, values[::-1], _SOME_POLES) < MENDS * standing
 
 
-def _too_few(hertz: np.ndarray, values: np.ndarray, enough: float, order: int) -> int:
+def _fewer_than_needed(hertz: np.ndarray, values: np.ndarray, enough: float, order: int) -> int:
     """The most poles, 2 at least, before a fit leaves no more over than is enough."""
     for poles in range(2, order):
         if _left(hertz, values, poles + 1) <= enough:
@@ -101,6 +105,8 @@ def _mended(values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
                 for entry in entries:
                     place = (slice(None), *ENTRIES[entry])
                     mended[place] = np.roll(matrices[place], -rows)
+                if (np.linalg.cond(mended) > INVERTIBLE).any():
+                    continue
                 words = (
                     f"{name.format(*quantities)} one frequency {side} than the other "
                     "entries: moved by one row all fit together; check the rows of the file."

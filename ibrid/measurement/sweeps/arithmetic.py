@@ -14,14 +14,22 @@ from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.interpolating import interpolated
 from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
+#: Part of a frequency by which rounding may put it beyond the measured range.
+ROUNDED = 1e-9
 #: What a computed admittance has no more; it may be zero, as a model's may.
 _COMPUTED: dict[str, Any] = {"repeats": None, "amplitude": None, "larger": (), "predicted": True}
 
 
-def added(first: Sweep, second: Sweep, sign: float) -> Sweep:
-    """first + sign second, point by point; SweepError unless both have the same operating points at
-    the same frequencies.
+def added(first: Sweep, second: Sweep) -> Sweep:
+    """first + second, point by point; SweepError unless both have the same bases, nominal frequency
+    and node of p and q, and the same operating points at the same frequencies.
     """
+    for key in ("f0_hz", "power_node", "s_base_va", "v_base_v"):
+        if getattr(first, key) != getattr(second, key):
+            raise SweepError(
+                f"sweeps must have the same {key} to be added or subtracted; found "
+                f"{getattr(first, key)} and {getattr(second, key)}."
+            )
     if set(first.names) != set(second.names):
         raise SweepError(
             "sweeps must have the same operating points to be added or subtracted; found "
@@ -30,6 +38,11 @@ def added(first: Sweep, second: Sweep, sign: float) -> Sweep:
     points = []
     for point in first.points:
         other = second.point(point.op.name)
+        if point.op.pqv != other.op.pqv:
+            raise SweepError(
+                f"sweeps must have the same p, q, v at {point.op.name} to be added or subtracted; "
+                f"found {point.op.pqv} and {other.op.pqv}."
+            )
         if not np.array_equal(point.frequency, other.frequency):
             raise SweepError(
                 f"sweeps must have the same frequencies at {point.op.name} to be added or "
@@ -38,7 +51,7 @@ def added(first: Sweep, second: Sweep, sign: float) -> Sweep:
         sigma = None
         if point.sigma is not None and other.sigma is not None:
             sigma = np.hypot(point.sigma, other.sigma)
-        admittance = point.admittance + sign * other.admittance
+        admittance = point.admittance + other.admittance
         points.append(replace(point, admittance=admittance, sigma=sigma, **_COMPUTED))
     return replace(first, points=tuple(points))
 
@@ -61,13 +74,14 @@ def resampled(sweep: Sweep, frequencies: Any) -> Sweep:
     points = []
     for point in sweep.points:
         own = point.frequency
-        if wanted[0] < own[0] or wanted[-1] > own[-1]:
+        if wanted[0] < own[0] * (1 - ROUNDED) or wanted[-1] > own[-1] * (1 + ROUNDED):
             raise SweepError(
                 f"frequencies must lie within those of {point.op.name}, {own[0]:g} to {own[-1]:g} "
                 f"Hz; found {wanted[0]:g} to {wanted[-1]:g} Hz, nothing is extrapolated."
             )
-        sigma = None if point.sigma is None else np.real(interpolated(own, point.sigma, wanted))
-        at = {"frequency": wanted, "admittance": interpolated(own, point.admittance, wanted)}
+        at = np.clip(wanted, own[0], own[-1])
+        sigma = None if point.sigma is None else np.real(interpolated(own, point.sigma, at))
+        response = interpolated(own, point.admittance, at)
         computed = {**_COMPUTED, "predicted": point.predicted}
-        points.append(replace(point, **at, sigma=sigma, **computed))
+        points.append(replace(point, frequency=at, admittance=response, sigma=sigma, **computed))
     return replace(sweep, points=tuple(points))

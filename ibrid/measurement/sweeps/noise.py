@@ -14,8 +14,8 @@ from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 from ibrid.measurement.sweeps.vector_fit import left_over
 from ibrid.ranges import require_in_range
 
-#: How the note of a sweep begins that a model gave, behind which there is no grid.
-SIMULATED = "measured by multisines"
+#: Beginning of the note of a sweep of `ibrid measure`; a simulated device has no grid's harmonics.
+SIMULATED = "simulated by ibrid measure: multisines"
 
 
 @takes_kinds

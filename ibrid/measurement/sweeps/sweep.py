@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from math import isfinite, pi
-from numbers import Number
+from numbers import Complex
 from os import PathLike
 from typing import Any, Literal, get_args
 
@@ -405,21 +405,27 @@ class Sweep(Frozen):
         """The sum of two sweeps of the same operating points and frequencies."""
         if not isinstance(other, Sweep):
             return NotImplemented
-        return made_above(self, _ARITHMETIC, "added", other, 1.0)
+        return made_above(self, _ARITHMETIC, "added", other)
 
     def __sub__(self, other: Any) -> Any:
         """Their difference."""
-        if not isinstance(other, Sweep):
-            return NotImplemented
-        return made_above(self, _ARITHMETIC, "added", other, -1.0)
+        return self + -1.0 * other if isinstance(other, Sweep) else NotImplemented
 
     def __mul__(self, number: Any) -> Any:
         """Every admittance times a number."""
-        if not isinstance(number, Number):
+        if not isinstance(number, Complex):
             return NotImplemented
         return made_above(self, _ARITHMETIC, "multiplied", number)
 
     __rmul__ = __mul__
+
+    def __truediv__(self, number: Any) -> Any:
+        """Every admittance over a number."""
+        return self * (1.0 / number) if isinstance(number, Complex) else NotImplemented
+
+    def __neg__(self) -> "Sweep":
+        """Every admittance with the other sign."""
+        return -1.0 * self
 
     @property
     def Y(self) -> ByPoint:
