@@ -120,7 +120,7 @@ def as_record(given: Any) -> Record:
 
 
 @takes_kinds
-def load(path: str | os.PathLike) -> Any:
+def load(path: str | os.PathLike) -> Sweep | Events | Record | Diagram | Mapping[str, Any]:
     """Read what was saved: a sweep, records of events, the record of a fit, or a program; of a
     folder of a search or a gap the record of its answer; of another answer its JSON, plain data.
 

@@ -33,6 +33,7 @@ from ibrid.report.figures.displayed_figure import DisplayedFigure
 from ibrid.report.figures.events import draw_events
 from ibrid.report.figures.gap_curves import PointView, draw_entry, point_views
 from ibrid.report.figures.gap_ports import draw_missing, draw_ports
+from ibrid.report.figures.power_jacobian import draw_nfp
 from ibrid.report.figures.residuals import (
     draw_autocorrelation,
     draw_cross_correlation,
@@ -180,15 +181,6 @@ def jacobian_plot(jacobian: PowerJacobian, ax: Any = None) -> Any:
             parts[column, 0].legend()
         on_white(figure)
     return figure
-
-
-def draw_nfp(pair: Sequence[Any], jacobian: PowerJacobian) -> None:
-    """Magnitude in dB and phase in degrees, on two axes."""
-    magnitude, phase = pair
-    magnitude.semilogx(jacobian.frequency, 20 * np.log10(np.abs(jacobian.nfp)))
-    magnitude.set(title="NFP: dp over df", ylabel="dB")
-    phase.semilogx(jacobian.frequency, np.degrees(np.unwrap(np.angle(jacobian.nfp))))
-    phase.set(ylabel="degrees", xlabel="Hz")
 
 
 def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> Any:

@@ -172,11 +172,15 @@ def test_answers_that_were_saved_are_loaded_and_folders_give_their_record(tmp_pa
     record = evaluated("gfl_exact")
     study = ibrid.stability(record, [2.0])
     study.save(tmp_path / "study.json")
-    assert ibrid.load(tmp_path / "study.json")["sentences"] == list(study.sentences)
+    saved = ibrid.load(tmp_path / "study.json")
+    assert isinstance(saved, dict)
+    assert saved["sentences"] == list(study.sentences)
     with pytest.raises(IbridError, match=r"a folder with best\.json or model\.json"):
         ibrid.load(tmp_path)
     record.save(tmp_path / "best.json")
-    assert ibrid.load(tmp_path).to_json() == record.to_json()
+    loaded = ibrid.load(tmp_path)
+    assert isinstance(loaded, ibrid.Record)
+    assert loaded.to_json() == record.to_json()
 
 
 def test_data_are_saved_as_text_and_no_ending_says_otherwise(tmp_path: Path):

@@ -17,7 +17,7 @@ import ibrid
 SCRIPT = """\
 from collections.abc import Mapping
 from pathlib import Path
-from typing import assert_type
+from typing import Any, assert_type
 
 import numpy as np
 
@@ -65,7 +65,8 @@ assert_type(ibrid.as_diagram("gfl"), ibrid.Diagram)
 assert_type(ibrid.as_sweep("paper_like"), Sweep)
 assert_type(ibrid.as_events("dip.csv"), ibrid.Events)
 assert_type(ibrid.as_record("record.json"), Record)
-assert_type(ibrid.load("record.json"), Sweep | ibrid.Events | Record | ibrid.Diagram)
+Saved = Sweep | ibrid.Events | Record | ibrid.Diagram | Mapping[str, Any]
+assert_type(ibrid.load("record.json"), Saved)
 assert_type(ibrid.compare(diagram, diagram).same, bool)
 assert_type(ibrid.compare(diagram, diagram), Comparison)
 

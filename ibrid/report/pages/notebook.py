@@ -29,6 +29,7 @@ from ibrid.report.facts.parameter_rows import parameter_groups, values_or_none
 from ibrid.report.facts.verdict import graded, verdict
 from ibrid.report.figures.bode import Curves, bode_svgs
 from ibrid.report.figures.events import draw_events
+from ibrid.report.figures.power_jacobian import draw_nfp
 from ibrid.report.figures.residuals import draw_residuals
 from ibrid.report.figures.trajectory import Trajectory, draw_trajectory
 from ibrid.report.look.figure import inline_svg
@@ -36,7 +37,6 @@ from ibrid.report.pages.generic_page import generic_facts
 from ibrid.report.pages.page import record_facts
 from ibrid.report.pages.stability_page import mode_rows, stability_facts
 from ibrid.report.pages.template import output, tag
-from ibrid.report.plotting import draw_nfp
 from ibrid.structure.comparison.compare import Comparison, format_comparison
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.writing import aligned
