@@ -97,7 +97,7 @@ def in_python(sentence: str) -> str:
 
     text = _OPTION.sub(argument, sentence)
     text = re.sub(rf'{_ARGUMENT}(\w+)=("[^"]*") {_ARGUMENT}\1=("[^"]*")', r"\1=[\2, \3]", text)
-    text = re.sub(rf'({_ARGUMENT}\w+=(?:"[^"]*"|[^\s"]+)) (?={_ARGUMENT})', r"\1, ", text)
+    text = re.sub(rf'({_ARGUMENT}\w+=(?:"[^"]*"|[^\s"]*\w)) (?={_ARGUMENT})', r"\1, ", text)
     return text.replace(_ARGUMENT, "")
 
 

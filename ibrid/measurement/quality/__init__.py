@@ -2,5 +2,6 @@
 text.
 
 From outside of `measurement`: `coverage`, `event_contradictions`, `event_inspection`, `inspect`,
-`inspection_table`, `other_readings`, `passivity`, `plausibility`, `sequence_view`, `wrong_rows`.
+`inspection_table`, `other_readings`, `passivity`, `plausibility`, `sequence_view`,
+`shifted_entries`, `wrong_rows`.
 """

@@ -13,7 +13,7 @@ from typing import Any, overload
 import numpy as np
 
 from ibrid.border import takes_kinds
-from ibrid.errors import SweepError, near
+from ibrid.errors import SweepError
 from ibrid.frozen import Frozen
 from ibrid.measurement.conventions.contradictions import Conventions, check_conventions
 from ibrid.measurement.conventions.positive_sequence import NOTE, WORDS
@@ -173,7 +173,7 @@ def inspect(
         one = next(iter(keys))
         raise SweepError(
             f"{one} is no argument for what was read, which says of itself what a file may leave "
-            f"open; leave it out, or {near(one, ['sampling_hz'])}"
+            "open: leave it out; of a sweep sampling_hz may be said"
         )
     if isinstance(sweep, Events):
         if sampling_hz is not None:
