@@ -493,3 +493,22 @@ def test_nodes_of_rscad_that_say_no_phase_are_asked_for(tmp_path):
     ):
         read_events(path, **OF_RECORDER)
     require_recording(path, channels=NUMBERED)
+
+
+def test_a_number_called_num_beside_a_matrix_is_no_numerator(tmp_path):
+    path = tmp_path / "num.npz"
+    np.savez(path, f=FREQUENCY, Y=ADMITTANCE, num=30)
+    require_admittance([path])
+
+
+@each_of(
+    "names, sign",
+    [("freq [Hz] Z' [ohm] -Z'' [ohm]", -1), ("freq [Hz] Re(Z) [ohm] -Im(Z) [ohm]", -1)],
+)
+def test_a_minus_before_a_part_that_blanks_separate_begins_a_name(tmp_path, names, sign):
+    paths = []
+    for entry, place in ENTRIES.items():
+        z = IMPEDANCE[:, *place]
+        paths.append(tmp_path / f"Z{entry}.txt")
+        paths[-1].write_text(text_of([names], np.column_stack([FREQUENCY, z.real, -z.imag]), " "))
+    require_admittance(paths, **OF_ANALYSER)

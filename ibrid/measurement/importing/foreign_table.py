@@ -48,6 +48,8 @@ COUNTED = 40
 LONGEST_NOTE = 2_000
 #: What stands in a line of units for none.
 _NO_UNIT = ("#", "-", "--", "[-]", "(-)", "[]", "1", "[1]", "n/a")
+#: What belongs to the name before it: a unit; the node of ATP to which a current flows.
+_UNIT_BEHIND, _NODE_BEHIND = r"[\[(].*[\])]|/.*", r"-[^\W\d].*"
 #: Lines above the numbers in which names are looked for.
 NAMES_ABOVE = 50
 #: A line that is a power of ten and a sign of multiplication, as MATLAB writes it above numbers
@@ -413,8 +415,8 @@ def _names(
         cells = _unmarked(cells, width) if number_of_line in marked else cells
         if 2 <= width - 1 == len(cells):
             cells = _as_wide(cells, body, comma, f"{where} line {number_of_line}")
-        if len(cells) > width and len(_glued(cells)) == width:
-            cells = _glued(cells)
+        if len(cells) > width:
+            cells = _glued(cells, width)
         if len(cells) != width:
             continue
         bare = ["" if cell in _NO_UNIT else cell.strip("[](){} ") for cell in cells]
@@ -496,19 +498,23 @@ def _unmarked(cells: list[str], width: int) -> list[str]:
     return cells[1:] if not first and len(cells) == width + 1 else [first, *cells[1:]]
 
 
-def _glued(cells: list[str]) -> list[str]:
-    """Units in brackets, "/ unit", and "-NODE" to which a current flows belong to the word before
-    them, also where blanks separate columns.
+def _glued(cells: list[str], width: int) -> list[str]:
+    """As many names as there are columns, where blanks separate them: units in brackets and "/
+    unit" belong to the word before them, and where that is not enough, "-NODE" to which a current
+    flows.
+
+    The cells as they are where that does not make so many.
     """
-    joined: list[str] = []
-    for cell in cells:
-        if joined and (
-            re.fullmatch(r"[\[(].*[\])]|/.*|-[^\W\d].*", cell) or joined[-1].endswith("/")
-        ):
-            joined[-1] = f"{joined[-1]} {cell}"
-        else:
-            joined.append(cell)
-    return joined
+    for behind in (_UNIT_BEHIND, f"{_UNIT_BEHIND}|{_NODE_BEHIND}"):
+        joined: list[str] = []
+        for cell in cells:
+            if joined and (re.fullmatch(behind, cell) or joined[-1].endswith("/")):
+                joined[-1] = f"{joined[-1]} {cell}"
+            else:
+                joined.append(cell)
+        if len(joined) == width:
+            return joined
+    return cells
 
 
 def _unlike(name: str, taken: dict[str, Any]) -> str:
@@ -545,9 +551,14 @@ def _polar_angle(
     polar = {
         name: [polar_cell(cell, comma) for cell in cells]
         for name, cells in columns.items()
-        if any(sign in text for text in ["\0".join(cells)] for sign in SIGNS)
+        if _holds_polar_sign(cells)
     }
     return largest_angle(polar, place, form.polar)
+
+
+def _holds_polar_sign(cells: Sequence[str]) -> bool:
+    text = "\0".join(cells)
+    return any(sign in text for sign in SIGNS)
 
 
 def _polar_angle_of_text(

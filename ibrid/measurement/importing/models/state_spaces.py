@@ -27,6 +27,8 @@ _VOLTAGE, _CURRENT = (
     for begin, letter in (("(v|u|volt)", "v"), ("(i|curr)", "i"))
 )
 _NAMES = ("input_names", "InputName", "inputs"), ("output_names", "OutputName", "outputs")
+#: Names of the coefficients of numerators and denominators.
+_FRACTIONS = (("num", "den"), ("Numerator", "Denominator"))
 #: How our own exports say what their numbers are counted in.
 _OURS = "per unit on the inverter's base"
 #: Half the rate of a sampled model is left out, and this part below it.
@@ -76,12 +78,12 @@ def _fraction_tables(
     """The response of 2 x 2 fractions, whose coefficients MATLAB saves of tf or tfdata in cells
     num and den, or in a structure.
     """
-    named = re.search(r"^(.*\.)?(num|Numerator)(\{\d+\})?$", "\n".join(arrays), re.MULTILINE)
-    if not named:
+    fraction = _fraction_in(arrays)
+    if fraction is None:
         return []
-    place = named[1] or ""
-    tops = _four(arrays, place + named[2])
-    bottoms = _four(arrays, place + {"num": "den"}.get(named[2], "Denominator"))
+    place, top_name, bottom_name = fraction
+    tops = _four(arrays, place + top_name)
+    bottoms = _four(arrays, place + bottom_name)
     if not bottoms or not tops:
         keeping = SAVING["tf"].replace("(sys)", "(sys(1:2, 1:2))")
         raise SweepError(
@@ -102,6 +104,20 @@ def _fraction_tables(
     words = model_words(len(poles), poles, period, grid)
     lines = np.arange(1, len(grid) + 1)
     return [ForeignTable(where, stem, columns, lines, _notes(held, None), remarks=(words,))]
+
+
+def _fraction_in(arrays: Mapping[str, np.ndarray]) -> tuple[str, str, str] | None:
+    """What stands before the names of numerators and denominators, and these names; None where no
+    numerators stand beside denominators.
+    """
+    names = dict.fromkeys(re.sub(r"\{\d+\}$", "", name) for name in arrays)
+    for top, bottom in _FRACTIONS:
+        for name in names:
+            place, _, last = name.rpartition(".")
+            place = f"{place}." if place else ""
+            if last == top and place + bottom in names:
+                return place, top, bottom
+    return None
 
 
 def _four(arrays: Mapping[str, np.ndarray], name: str) -> list[np.ndarray]:
