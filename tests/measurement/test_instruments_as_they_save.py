@@ -14,6 +14,8 @@ from ibrid import cli
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import decoded
 from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.importing.shapes.entries_apart import entries_last
+from ibrid.measurement.importing.table_files import read_tables
 from ibrid.measurement.importing.timed.recording_files import each_once
 from ibrid.measurement.read_events import is_events_file, read_events
 
@@ -512,3 +514,64 @@ def test_a_minus_before_a_part_that_blanks_separate_begins_a_name(tmp_path, name
         paths.append(tmp_path / f"Z{entry}.txt")
         paths[-1].write_text(text_of([names], np.column_stack([FREQUENCY, z.real, -z.imag]), " "))
     require_admittance(paths, **OF_ANALYSER)
+
+
+def two_points(folder: Path) -> list[Path]:
+    """Four files of an analyser for each of the operating points a and b."""
+    names, form = "f [Hz]; R [ohm]; X [ohm]", "f R X"
+    return [
+        path for point in "ab" for path in analyser_files(folder, point + "_Z{}.csv", names, form)
+    ]
+
+
+def test_a_file_without_numbers_named_as_an_entry_gives_its_own_reason(tmp_path):
+    paths = two_points(tmp_path)
+    paths[-1].write_text("nothing\n")
+    with pytest.raises(SweepError, match=r"b_Zqq.csv must hold rows of numbers"):
+        import_files(paths, **SAID, base="100kVA,400V")
+
+
+@each_of("called", ["{}_info.csv", "info {} 2025-11-13.csv"])
+def test_a_file_beside_the_entries_tells_p_and_q_of_its_own_operating_point(tmp_path, called):
+    paths = two_points(tmp_path)
+    for point, p in (("a", 50), ("b", 100)):
+        paths.append(tmp_path / called.format(point))
+        paths[-1].write_text(f"P [kW],Q [kvar],v [pu]\n{p},30,1\n")
+    said = {**SAID, **OF_ANALYSER, "p": None, "q": None}
+    points = import_files(paths, **said).answered().points
+    assert [one.op.p for one in points] == pytest.approx([0.5, 1.0])
+
+
+def test_a_file_beside_the_entries_of_no_known_point_tells_none(tmp_path):
+    paths = [*two_points(tmp_path), tmp_path / "info.csv"]
+    paths[-1].write_text("P [kW],Q [kvar]\n50,30\n")
+    imported = import_files(paths, **{**SAID, **OF_ANALYSER, "p": None, "q": None})
+    assert imported.sweep is None
+    assert "does not say" in imported.asked
+
+
+@each_of("r, x, theta", [("ohm", "mohm", "deg"), ("ohm", "ohm", ""), ("mohm", "ohm", "rad")])
+def test_resistance_and_reactance_are_compared_in_their_own_units(tmp_path, r, x, theta):
+    paths = []
+    for entry, place in ENTRIES.items():
+        z = IMPEDANCE[:, *place]
+        in_r, in_x = (1e3 if unit == "mohm" else 1.0 for unit in (r, x))
+        angle = np.angle(z, deg=theta == "deg")
+        columns = np.column_stack([FREQUENCY, in_r * z.real, in_x * z.imag, np.abs(z), angle])
+        of_theta = f"theta [{theta}]" if theta else "theta"
+        names = ["f [Hz]", f"R [{r}]", f"X [{x}]", "|Z| [ohm]", of_theta]
+        paths.append(tmp_path / f"Z{entry}.csv")
+        paths[-1].write_text(text_of(names, columns))
+    require_admittance(paths, **OF_ANALYSER)
+
+
+def test_numbers_of_scans_of_whole_matrices_are_no_entries(tmp_path):
+    names = ["f_hz", *(f"Y{entry}_{part}" for entry in ENTRIES for part in ("re", "im"))]
+    paths = []
+    for number in (11, 12, 21, 22):
+        paths.append(tmp_path / f"scan_{number}_lab.csv")
+        table = np.column_stack([FREQUENCY, parts(ADMITTANCE * number)])
+        paths[-1].write_text(text_of(names, table))
+    assert [table.stem for table in entries_last([read_tables(path)[0] for path in paths])] == [
+        path.stem for path in paths
+    ]

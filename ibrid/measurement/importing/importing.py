@@ -15,6 +15,7 @@ import numpy as np
 from ibrid.errors import SweepError, near, some
 from ibrid.measurement.conventions.header import CHOICES, HEADER_KEYS, POSITIVE, header_of
 from ibrid.measurement.conventions.positive_sequence import NOTE, WORDS
+from ibrid.measurement.formats.bundle import stem_of, suffix_of
 from ibrid.measurement.formats.csv_file import sweep_of_table
 from ibrid.measurement.formats.csv_table import Table
 from ibrid.measurement.formats.grouping import first_near, rows_of_each
@@ -23,7 +24,6 @@ from ibrid.measurement.formats.pscad import pscad_response
 from ibrid.measurement.formats.response import sidecar_keys
 from ibrid.measurement.formats.touchstone import SCATTERING, TOUCHSTONE, touchstone_response
 from ibrid.measurement.importing.column_map import without_map_of_entry
-from ibrid.measurement.importing.column_words import entry_named
 from ibrid.measurement.importing.doubts.alike_points import mind_alike_points
 from ibrid.measurement.importing.dq_frequency import in_dq
 from ibrid.measurement.importing.foreign_part import OF_EACH, Part, part_of, per_unit
@@ -49,9 +49,12 @@ from ibrid.measurement.importing.point_rows import operating_points
 from ibrid.measurement.importing.repeated_runs import require_repeats
 from ibrid.measurement.importing.shapes.copied_rows import without_copied_rows
 from ibrid.measurement.importing.shapes.entries_apart import (
+    are_entries_apart,
     entries_last,
     joined_entries,
+    named_as_entry,
     widened,
+    without_others,
 )
 from ibrid.measurement.importing.shapes.long_tables import with_entries
 from ibrid.measurement.importing.shapes.more_ports import own_block
@@ -127,7 +130,7 @@ def import_files(
     unread: list[SweepError] = []
     form, said = number_format(said), without_format(said)
     for path in map(Path, paths):
-        response = touchstone_response(path) if path.suffix.lower() in TOUCHSTONE else None
+        response = touchstone_response(path) if suffix_of(path) in TOUCHSTONE else None
         response = pscad_response(path, surely=True) if response is None and not maps else response
         if response is None:
             told, notes = sidecar_keys(path)
@@ -135,6 +138,8 @@ def import_files(
             try:
                 held = read_tables(path, frequency, form)
             except SweepError as reason:
+                if named_as_entry(stem_of(path)):
+                    raise
                 unread.append(reason)
                 continue
         else:
@@ -154,8 +159,9 @@ def import_files(
             for table in held
         ]
     tables = entries_last(tables)
-    if unread and len({entry_named(table.stem) for table in tables} - {""}) < 4:
+    if unread and not are_entries_apart(tables):
         raise unread[0]
+    tables = without_others(tables)
     beside = [f"not used: {reason}" for reason in unread]
     tables = [
         replace(one, notes=(*one.notes, *shared), remarks=(*one.remarks, *beside)) for one in tables

@@ -37,8 +37,12 @@ _PRIMED = re.compile(r"""\s*[-−–]?\s*([YZyz])\s*('{1,2}|")(?!')""")
 _WITHIN = re.compile(
     r"(?<![a-z0-9])[yz]?[_\- ]?(dd|dq|qd|qq|pp|pn|np|nn|[12]{2})(?![a-z0-9])", re.IGNORECASE
 )
+#: Name without the entry, workbook and folder of the files of one operating point.
+_Group = tuple[str, str, Path]
 #: How far R and X may be from |Z| and its angle beside them, as a part.
 _ROUNDED = 0.02
+#: What the units of an angle measure.
+_OF_ANGLES = ("angle", "angle in radians")
 _PRIMES = {"'": "re", "''": "im", '"': "im"}
 
 
@@ -85,35 +89,91 @@ def widened(table: ForeignTable) -> ForeignTable:
     return replace(table, columns=columns, line=table.line[first])
 
 
+def named_as_entry(stem: str) -> bool:
+    """Whether the name of a file is that of one entry; 11 .. 22 within it may be of a date."""
+    within = (said[0] for said in _WITHIN.finditer(stem))
+    return bool(entry_named(stem)) or not all(letters_of(said).isdigit() for said in within)
+
+
 def entries_last(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
-    """The tables, of four files whose names differ by their entry alone each with that at its end;
-    a file beside them that holds no matrix is left out, and what it says of p, q and v is a note.
+    """The tables, of four files whose names differ by their entry alone each with that at its
+    end.
     """
     apart: dict[str, dict[str, ForeignTable]] = {}
     for table in tables:
-        for said in () if entry_named(table.stem) else _WITHIN.finditer(table.stem):
+        if entry_named(table.stem) or _holds_matrix(table):
+            continue
+        for said in _WITHIN.finditer(table.stem):
             rest = f"{table.stem[: said.start()]}{table.stem[said.end() :]}".strip("_- ")
             apart.setdefault(rest, {})[said[0]] = replace(table, stem=f"{rest}_{said[0]}")
     fours = [held for held in apart.values() if len({*map(entry_named, held)}) == len(held) == 4]
     moved = {one.where: one for held in fours for one in held.values()}
-    tables = [moved.get(table.where, table) for table in tables]
-    if len({entry_named(table.stem) for table in tables} - {""}) < 4:
-        return tables
-    kept, notes, remarks = [], [], []
+    return [moved.get(table.where, table) for table in tables]
+
+
+def are_entries_apart(tables: Sequence[ForeignTable]) -> bool:
+    """Whether four tables or more have one entry each by their names."""
+    return len({entry_named(table.stem) for table in tables if not _holds_matrix(table)} - {""}) > 3
+
+
+def without_others(tables: Sequence[ForeignTable]) -> list[ForeignTable]:
+    """The tables without those beside files of one entry each that hold no matrix; what these say
+    of p, q and v is a note of the operating point to which they belong.
+    """
+    if not are_entries_apart(tables):
+        return list(tables)
+    groups = dict.fromkeys(_group_of(table) for table in tables if entry_named(table.stem))
+    notes: dict[_Group | None, tuple[str, ...]] = {}
+    kept, remarks = [], []
     for table in tables:
         meanings = {name: meaning_of(name) for name in table.columns}
         if entry_named(table.stem) or {"matrix", *_GENERIC} & {m.role for m in meanings.values()}:
             kept.append(table)
             continue
+        group = _group_beside(table, [*groups])
         said = [name for name, one in meanings.items() if one.role in ("p", "q", "v")]
-        said = said if len(table.line) == 1 else []
-        notes += [f"{meanings[n].role}: {table.columns[n][0]} {meanings[n].unit}" for n in said]
-        notes += table.notes
-        words = f", but for {', '.join(said)}" if said else ""
-        remarks.append(f"{table.where} holds no entry of a matrix: not used{words}")
+        said = said if len(table.line) == 1 and group else []
+        words = [f"{meanings[n].role}: {table.columns[n][0]} {meanings[n].unit}" for n in said]
+        notes[group] = (*notes.get(group, ()), *words, *table.notes)
+        but = f", but for {', '.join(said)}" if said else ""
+        remarks.append(f"{table.where} holds no entry of a matrix: not used{but}")
+    notes.pop(None, None)
     return [
-        replace(one, notes=(*one.notes, *notes), remarks=(*one.remarks, *remarks)) for one in kept
+        replace(
+            one,
+            notes=(*one.notes, *notes.get(_group_of(one), ())),
+            remarks=(*one.remarks, *remarks),
+        )
+        for one in kept
     ]
+
+
+def _holds_matrix(table: ForeignTable) -> bool:
+    return any(meaning_of(name).role == "matrix" for name in table.columns)
+
+
+def _group_of(table: ForeignTable) -> _Group:
+    """What the files of one operating point share: their name without the entry, workbook and
+    folder.
+    """
+    key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
+    return key, table.book, Path(table.where).parent
+
+
+def _group_beside(table: ForeignTable, groups: Sequence[_Group]) -> _Group | None:
+    """The operating point to which a file beside the entries belongs: the only one, of all or of
+    those in its folder or workbook, or the only one whose name its own holds; None where that is
+    not sure.
+    """
+    _, *place = _group_of(table)
+    in_place = [group for group in groups if [*group[1:]] == place]
+    words = {*_words(table.stem)}
+    called = [group for group in groups if group[0] and {*_words(group[0])} <= words]
+    return next((one[0] for one in (groups, in_place, called) if len(one) == 1), None)
+
+
+def _words(stem: str) -> list[str]:
+    return re.findall(r"[^\W_]+", stem)
 
 
 def _with_one_reading(table: ForeignTable) -> ForeignTable:
@@ -124,13 +184,13 @@ def _with_one_reading(table: ForeignTable) -> ForeignTable:
     named = {one.role: name for name in table.columns if (one := meaning_of(name)).role in _GENERIC}
     if len(named) < len(_GENERIC):
         return table
-    size, angle = (meaning_of(named[part]) for part in ("mag", "phase"))
+    real_unit, imaginary_unit, size, angle = (meaning_of(named[part]) for part in _GENERIC)
     real, imaginary, magnitude, phase = (table.columns[named[part]] for part in _GENERIC)
-    unit = meaning_of(named["re"])
-    if unit.dimension == size.dimension and phase.any():
+    is_alike = real_unit.dimension == imaginary_unit.dimension == size.dimension
+    if is_alike and angle.dimension in _OF_ANGLES and phase.any():
         turns = phase if angle.dimension == "angle in radians" else np.deg2rad(phase)
         turns = -turns if named["phase"][0] in "-−–" else turns
-        number = unit.factor * (real + 1j * imaginary)
+        number = real_unit.factor * real + 1j * imaginary_unit.factor * imaginary
         away = np.abs(number - size.factor * magnitude * np.exp(1j * turns))
         if (wrong := away > _ROUNDED * np.abs(number)).any():
             row, columns = int(np.argmax(wrong)), list(table.columns)
@@ -153,7 +213,7 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
     """
     maps = tuple(maps)
     joined: list[ForeignTable] = []
-    groups: dict[tuple[str, str, Path], list[tuple[str, ForeignTable]]] = {}
+    groups: dict[_Group, list[tuple[str, ForeignTable]]] = {}
     for table in tables:
         entry = entry_named(table.stem)
         mapped = parse_map_of_entry(maps, table.columns) if entry else {}
@@ -161,18 +221,12 @@ def joined_entries(tables: Sequence[ForeignTable], maps: Iterable[str] = ()) -> 
         if not mapped.keys() & {*OF_ONE_ENTRY}:
             table = _with_one_reading(_with_parts_called(table))
         generic = [name for name in table.columns if meaning_of(name).role in _GENERIC]
-        if (
-            not entry
-            or not generic
-            or any(meaning_of(name).role == "matrix" for name in table.columns)
-        ):
+        if not entry or not generic or _holds_matrix(table):
             joined.append(table)
             continue
-        key = re.sub(r"[_\-\s]*[YyZz]?[_\-\s]*[dqpn12]{2}\W*$", "", table.stem)
-        groups.setdefault((key, table.book, Path(table.where).parent), []).append((entry, table))
+        groups.setdefault(_group_of(table), []).append((entry, table))
     if len(joined) == len(tables) > 1 and all(
-        entry_named(one.stem) and not any(meaning_of(n).role == "matrix" for n in one.columns)
-        for one in tables
+        entry_named(one.stem) and not _holds_matrix(one) for one in tables
     ):
         raise SweepError(
             f"{tables[0].where} and the others are files with one entry each by their "
