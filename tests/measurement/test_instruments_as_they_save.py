@@ -1,5 +1,6 @@
 """What analysers, recorders and scan tools save, in their own words, bundles and encodings."""
 
+import gzip
 import json
 import tarfile
 from pathlib import Path
@@ -13,6 +14,7 @@ import ibrid
 from ibrid import cli
 from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import decoded
+from ibrid.measurement.formats.touchstone import touchstone_response
 from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.importing.shapes.entries_apart import entries_last
 from ibrid.measurement.importing.table_files import read_tables
@@ -550,6 +552,14 @@ def test_a_file_beside_the_entries_of_no_known_point_tells_none(tmp_path):
     assert "does not say" in imported.asked
 
 
+def test_two_traces_of_one_format_are_not_taken_for_each_other(tmp_path):
+    columns = np.column_stack([FREQUENCY, FREQUENCY, 0 * FREQUENCY])
+    table = text_of(["Frequency", "Real", "Imaginary"], columns, "\t")
+    path = tmp_path / "Zdd.TXT"
+    path.write_text("".join(f'"TRACE: {trace}"\n"FORMAT: |Z|"\n\n{table}\n' for trace in "AB"))
+    assert len(read_tables(path)) == 2
+
+
 @each_of("r, x, theta", [("ohm", "mohm", "deg"), ("ohm", "ohm", ""), ("mohm", "ohm", "rad")])
 def test_resistance_and_reactance_are_compared_in_their_own_units(tmp_path, r, x, theta):
     paths = []
@@ -563,6 +573,18 @@ def test_resistance_and_reactance_are_compared_in_their_own_units(tmp_path, r, x
         paths.append(tmp_path / f"Z{entry}.csv")
         paths[-1].write_text(text_of(names, columns))
     require_admittance(paths, **OF_ANALYSER)
+
+
+def test_compressed_s_parameters_are_those_of_their_name_without_gz(tmp_path):
+    columns = np.column_stack([FREQUENCY, np.zeros((len(FREQUENCY), 8))])
+    text = "# Hz S RI R 1.6\n" + text_of(["! f"], columns, " ")
+    path = tmp_path / "z.s2p.gz"
+    path.write_bytes(gzip.compress(text.encode()))
+    response = touchstone_response(path)
+    assert response.name == "z"
+    assert response.matrix[:, 0, 0] == pytest.approx(1 / 1.6)
+    said = {**SAID, **OF_ANALYSER, "current": None}
+    assert import_files([path], **said).sweep is not None
 
 
 def test_numbers_of_scans_of_whole_matrices_are_no_entries(tmp_path):

@@ -12,6 +12,7 @@ from ibrid.border import takes_kinds
 from ibrid.errors import SweepError, near
 from ibrid.measurement.conventions.conversions import Quantity
 from ibrid.measurement.conventions.header import HEADER_KEYS, POINT_KEYS, number_of, read_keys
+from ibrid.measurement.formats.bundle import stem_of, suffix_of
 from ibrid.measurement.formats.files import read_lines, write_atomically
 from ibrid.measurement.formats.response import Response, sidecar_keys
 from ibrid.measurement.sweeps.sweep import Sweep
@@ -28,7 +29,7 @@ _OPTIONS = {
     "format": _FORMATS,
     "resistance": ("R",),
 }
-#: How the words on a conversion begin.
+#: Beginning of the remark that S was converted to Y.
 SCATTERING = "S-parameters"
 #: Degrees beyond which an angle is a mistake: of 1e16 the sine is chance.
 _LARGEST_ANGLE = 1e6
@@ -69,14 +70,14 @@ def touchstone_response(path: Path) -> Response:
     letter = options.parameter.replace("S", "Y")
     told = {} if options.ohm == 1 else {"unit": "S" if letter == "Y" else "ohm"}
     if options.parameter == "S":
-        if path.suffix.lower() != ".s2p":
+        if suffix_of(path) != ".s2p":
             raise SweepError(f"{path} must say Y or Z in its option line; found S, call it .s2p.")
         matrix = _admittance(matrix, options.ohm, path)
         told["current"] = "in"
         words = f"{SCATTERING} at {options.ohm:g} ohm became admittances, current into the ports"
         notes = (*notes, words)
     told |= inside | beside
-    return Response(frequency, matrix, Quantity(letter), told, notes + more, path.stem)
+    return Response(frequency, matrix, Quantity(letter), told, notes + more, stem_of(path))
 
 
 def _admittance(scattering: np.ndarray, ohm: float, path: Path) -> np.ndarray:

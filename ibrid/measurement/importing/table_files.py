@@ -130,11 +130,12 @@ def traces_joined(tables: list[ForeignTable]) -> list[ForeignTable]:
         if not np.array_equal(columns.setdefault(name, grid), grid):
             return tables
         unit = _OF_FORMATS.get(form[0].strip("|")[:1].upper(), "")
+        names = [f"{form[0]} [{unit}]" if unit else form[0]]
         if len(held) == 2 and held[1].any():
-            real, imaginary = ("G [S]", "B [S]") if unit == "S" else ("R [ohm]", "X [ohm]")
-            columns |= {real: held[0], imaginary: held[1]}
-        else:
-            columns[f"{form[0]} [{unit}]" if unit else form[0]] = held[0]
+            names = ["G [S]", "B [S]"] if unit == "S" else ["R [ohm]", "X [ohm]"]
+        if columns.keys() & {*names}:
+            return tables
+        columns |= dict(zip(names, held, strict=False))
     return [replace(tables[0], columns=columns)]
 
 
