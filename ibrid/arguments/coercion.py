@@ -9,7 +9,6 @@ import os
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
 from pathlib import Path
-from types import MappingProxyType
 from typing import Any
 
 from ibrid.arguments.places import exists, is_program_text, is_record, require_file
@@ -164,8 +163,6 @@ def _answer_in(text: str) -> Mapping[str, Any] | None:
 _READ_OTHERWISE = ("ibrid.record/", "ibrid.state-space/")
 #: The record of the answer in the folder of a search, and of a gap.
 _RECORDS = ("best.json", "model.json")
-#: Nothing said of a file or a table.
-EMPTY: Mapping[str, Any] = MappingProxyType({})
 #: Classes of arguments -> how something else is made one, the first that suits.
 _MAKERS: Mapping[str, Callable[..., Any]] = {
     "Record": as_record,
@@ -177,7 +174,7 @@ _MAKERS: Mapping[str, Callable[..., Any]] = {
 _TABLES = ("Events", "Sweep")
 
 
-def as_any_of(given: Any, names: Collection[str], said: Mapping[str, Any] = EMPTY) -> Any:
+def as_any_of(given: Any, names: Collection[str], said: Mapping[str, Any]) -> Any:
     """What stands for a value of one of these classes as such a value; None where nothing does.
 
     said : what a sweep or records do not say about themselves.

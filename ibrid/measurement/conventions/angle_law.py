@@ -36,8 +36,8 @@ LOADED = 0.1
 CLOSE, ALIKE = 0.12, 0.1
 #: Power (per unit) by which a point that agrees may be off, losses and its node among it.
 ODD = 0.15
-#: Part of the doubt of one reading that another has which is preferred; p + jq within which one
-#: agrees once a sign is turned.
+#: Ratio of doubts below which one reading is preferred to another; distance in p + jq within which
+#: a reading agrees.
 RATHER, AGREES = 0.5, 0.03
 #: Least range of q over the operating points that tells on which side the q axis is.
 MIRRORED = 0.2
@@ -111,7 +111,7 @@ def exchanged_diagonal(
     """A sentence where (Ydq, Ydd) has settled on (q, p)/v^2 at every operating point while (Ydq,
     Yqq) has not, nor on that of the opposite p; "" elsewhere.
 
-    beside_axes : only where it has settled better than (Yqd, Ydd), which d and q exchanged explain.
+    beside_axes : required is a smaller doubt than that of exchanged d and q axes, (Yqd, Ydd).
     """
     if len(sweep.points) == 1 and sweep.points[0].frequency[0] > ALONE_HZ:
         return ""

@@ -120,7 +120,7 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
 
     noise : result of noise.estimate, if already known.
     """
-    for sentence in units_of_entries(sweep):
+    if sentence := units_of_entries(sweep):
         return Conventions("doubt", f"they do not hold together: {sentence}", (sentence,))
     noise = estimate(sweep) if noise is None else noise
     axis = resting_axis(sweep, noise)

@@ -100,7 +100,7 @@ def turned_frame(sweep: Sweep, noise: Mapping[str, PointNoise]) -> TurnedFrame |
     is declared comes first.
     """
     alone = len(sweep.points) == 1 and sweep.points[0].frequency[0] > ALONE_HZ
-    if alone or any(units_of_entries(sweep)):
+    if alone or units_of_entries(sweep):
         return None
     tails = [
         set(signs) - {0}

@@ -18,9 +18,12 @@ from ibrid.report.look.numbers import error
 from ibrid_search.run.tally import Tally
 from ibrid_search.run.trajectory import Milestone
 
-#: Waits for evaluations that the rate looks back, the least that tell the time that is left, and
-#: the part of all of them that none may take then.
-RECENT, FEWEST, LONGEST_PART = 30, 3, 0.5
+#: Evaluations over which the rate is taken.
+RECENT = 30
+#: Evaluations before a time left is told.
+FEWEST = 3
+#: Largest part of their time that the wait for one of them may have taken then.
+LONGEST_PART = 0.5
 
 
 @dataclass(frozen=True)
@@ -65,7 +68,7 @@ class Progress(AbstractContextManager["Progress"]):
         self._display = make_display(show, stream, out, every)
         self._clock = clock
         self._total: int | None = None
-        self._seen: deque[tuple[float, int]] = deque()
+        self._seen: deque[tuple[float, int]] = deque(maxlen=RECENT + 1)
         self._last: Snapshot | None = None
         self._drawn: Snapshot | None = None
         self._shown = -math.inf
@@ -76,7 +79,7 @@ class Progress(AbstractContextManager["Progress"]):
         sitting of the same run.
         """
         self._total = total
-        self._seen = deque([(self._clock(), done)])
+        self._seen = deque([(self._clock(), done)], maxlen=RECENT + 1)
 
     def update(self, snapshot: Snapshot) -> None:
         """Take note of where the search stands, and show it unless that was done just now."""
@@ -86,8 +89,6 @@ class Progress(AbstractContextManager["Progress"]):
             self._seen.append((now, snapshot.evaluations))
         if snapshot.evaluations != self._seen[-1][1]:
             self._seen.append((now, snapshot.evaluations))
-        while len(self._seen) > RECENT + 1:
-            self._seen.popleft()
         if now - self._shown >= self._display.pause:
             self._draw(now)
 
