@@ -17,6 +17,7 @@ from ibrid.errors import ImpossibleValueError
 from ibrid.measurement import OperatingPoint, PointSweep, Sweep
 from ibrid.measurement.conventions.contradictions import check_conventions
 from ibrid.measurement.conventions.exchanged_quantity import exchanged_quantity
+from ibrid.measurement.importing.importing import import_files
 from ibrid.measurement.quality.inspect import inspect
 from ibrid.measurement.quality.plausibility import implausible_numbers
 from ibrid.plants import random_stable
@@ -287,3 +288,29 @@ def test_one_slip_of_an_entry_of_the_impedance_is_named_as_that_alone(plant):
     assert "in another unit" in said
     assert "frame" not in said
     assert "times too" not in said
+
+
+def test_the_sign_of_one_entry_of_the_admittance_is_named_where_it_has_settled():
+    sweep = ibrid.sweep("gfl_l_filter", [OperatingPoint("a", 0.8, 0.3)], np.geomspace(0.1, 500, 40))
+    wrong = []
+    for entry in ("dd", "dq", "qd", "qq"):
+        admittance = sweep.points[0].admittance.copy()
+        admittance[:, "dq".index(entry[0]), "dq".index(entry[1])] *= -1
+        point = replace(sweep.points[0], admittance=admittance)
+        said = check_conventions(replace(sweep, points=(point,))).warnings
+        if f"sign of Y{entry} is turned" not in " ".join(said):
+            wrong.append((entry, said))
+    assert wrong == []
+
+
+def test_directions_that_are_said_are_not_asked_for_as_an_angle_of_the_frame(tmp_path):
+    sweep = ibrid.sweep("gfl_l_filter", [OperatingPoint("a", 0.8, 0.1)], np.geomspace(1, 5000, 40))
+    point = sweep.points[0]
+    path = tmp_path / "into.csv"
+    path.write_text(table("f_Hz", "Y", point.frequency, -point.admittance))
+    said = {"unit": "pu", "f0_hz": 50, "p": 0.8, "q": 0.1, "current": "in"}
+    for more in ({"q_axis": "leads", "voltage_axis": "d"}, {}):
+        answer = import_files([path], **said, **more)
+        assert answer.questions == ()
+        (read,) = answer.answered().points
+        np.testing.assert_allclose(read.admittance, point.admittance, rtol=1e-10)

@@ -27,7 +27,7 @@ from ibrid.measurement.conventions.rotation import half_turn
 from ibrid.measurement.conventions.tail import inductive_tail
 from ibrid.measurement.conventions.units_of_entries import units_of_entries
 from ibrid.measurement.sweeps.noise import PointNoise, estimate
-from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import ENTRIES, PointSweep, Sweep
 
 Signs = tuple[int, int]
 """Factors of (p, q) in the low-frequency law that data follow; (1, 1) is the declared convention.
@@ -135,7 +135,9 @@ def check_directions(sweep: Sweep, noise: dict[str, PointNoise] | None = None) -
         directions.pop() if len(directions) == 1 else 0
     )  # +1: every tail has the current out, -1: in
     warnings = []
-    if not common and (sentence := exchanged_diagonal(sweep, noise)):
+    if not common and (
+        sentence := exchanged_diagonal(sweep, noise) or _turned_entry(sweep.points, noise)
+    ):
         return Conventions("doubt", f"they do not hold together: {sentence}", (sentence,))
     frame = None if common else turned_frame(sweep, noise)
     if frame is not None:
@@ -194,6 +196,25 @@ def _matches(
     """The patterns that each loaded point follows."""
     loaded = [point for point in points if np.hypot(point.op.p, point.op.q) >= _SMALLEST_POWER]
     return [_patterns_followed(point, noise[point.op.name]) for point in loaded]
+
+
+def _turned_entry(points: Sequence[PointSweep], noise: dict[str, PointNoise]) -> str:
+    """A sentence where all points have settled on the declared law once the sign of one entry of Y
+    is turned, which no other convention does; "" elsewhere.
+    """
+    for entry, place in ENTRIES.items():
+        turned = []
+        for point in points:
+            admittance = point.admittance.copy()
+            admittance[(slice(None), *place)] *= -1
+            turned.append(PointSweep(point.op, point.frequency, admittance))
+        matches = _matches(turned, noise)
+        if matches and all(DECLARED in match for match in matches):
+            return (
+                f"the lowest frequencies have settled on {_LAWS[DECLARED]} once the sign of "
+                f"Y{entry} is turned: it is probably wrong in the file; correct it there."
+            )
+    return ""
 
 
 def _common(matches: list[dict[Signs, float]]) -> list[Signs]:

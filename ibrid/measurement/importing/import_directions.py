@@ -189,11 +189,11 @@ def _tail_of(part: Part) -> tuple[int, int]:
         return 0, 0
 
 
-def frame_of(plain: Sweep, account: Account) -> tuple[float, ...]:
+def frame_of(plain: Sweep, current_said: bool, account: Account) -> tuple[float, ...]:
     """Degrees by which the lowest frequencies show the measuring frame turned, which is asked for,
     else none.
 
-    plain : in the usual directions.
+    plain : in the directions that are said, else in the usual ones.
     """
     frame = seen_frame(plain, estimate(plain))
     if frame is None:
@@ -204,8 +204,9 @@ def frame_of(plain: Sweep, account: Account) -> tuple[float, ...]:
         "by which angle the measuring frame is turned (by the lowest frequencies about "
         f"{shown.replace(',', ', ')} degrees)"
     )
-    quarter = ",".join(f"{np.degrees(half_turn(angle + np.pi / 2)):.0f}" for angle in frame.angles)
-    twin = [f"--frame-deg {quarter} --current in"] if frame.twin else []
+    quarters = [round(float(np.degrees(half_turn(one + np.pi / 2)))) for one in frame.angles]
+    quarter = ",".join(map(str, quarters))
+    twin = [f"--frame-deg {quarter} --current in"] if frame.twin and not current_said else []
     account.ask(words, f"--frame-deg {shown}", *twin, "--frame-deg 0")
     return degrees
 

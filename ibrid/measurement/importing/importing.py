@@ -351,7 +351,8 @@ def _sweep(parts: Sequence[Part], account: Account, where: str) -> Sweep | None:
     if (frame_deg := told.get("frame_deg")) is not None:
         keys["frame_deg"] = frame_deg
     else:
-        keys["frame_deg"] = frame_of(made(*(CHOICES[key][0] for key in DIRECTIONS)), account)
+        said = (str(told.get(key) or CHOICES[key][0]) for key in DIRECTIONS)
+        keys["frame_deg"] = frame_of(made(*said), bool(told.get("current")), account)
     q_first = names_q_first(parts[0].table)
     directions = directions_of(made, told, parts[0].quantity.sequence, q_first, account)
     if account.questions:
