@@ -11,6 +11,7 @@ from ibrid.border import takes_kinds
 from ibrid.errors import SweepError
 from ibrid.measurement.conventions.header import HEADER_KEYS, POINT_KEYS
 from ibrid.measurement.formats.bundle import ENDINGS, suffix_of
+from ibrid.measurement.formats.csv_columns import SETPOINT
 from ibrid.measurement.formats.csv_file import read_csv
 from ibrid.measurement.formats.files import first_line, read_bytes
 from ibrid.measurement.formats.pscad import pscad_response
@@ -80,8 +81,8 @@ def read_sweep(path: Any, *, frequency: np.ndarray | None = None, **keys: Any) -
     path = Path(path)
     suffix = path.suffix.lower()
     suffix = suffix_of(path) if suffix in ENDINGS else suffix
+    at = None if frequency is None else np.asarray(frequency, dtype=float)
     if suffix in _READERS:
-        at = None if frequency is None else np.asarray(frequency, dtype=float)
         return _READERS[suffix](path, at, **keys)
     if suffix == ".py":
         raise SweepError(
@@ -104,16 +105,25 @@ def read_sweep(path: Any, *, frequency: np.ndarray | None = None, **keys: Any) -
             "ibrid.read_events, fit them with ibrid.evaluate_events"
         )
     try:
-        return read_table(path, **keys)
+        return read_table(path, at, **keys)
     except UnsaidError:
         raise
     except SweepError as reason:
-        raise first or reason from None
+        raise (first if first and _resembles_own(path) else reason) from None
 
 
 def is_own_sweep(path: Path) -> bool:
     """Whether a file has the columns of a sweep file of ours."""
-    return {"op", "p", "q", "freq_hz"} <= {name.strip() for name in first_line(path).split(",")}
+    return {*SETPOINT} <= _names_in(path)
+
+
+def _resembles_own(path: Path) -> bool:
+    """Whether at most one of the first columns of a sweep file of ours is called otherwise."""
+    return len({*SETPOINT} - _names_in(path)) <= 1
+
+
+def _names_in(path: Path) -> set[str]:
+    return {name.strip() for name in first_line(path).split(",")}
 
 
 def is_sweep_file(path: Path) -> bool:

@@ -3,6 +3,7 @@
 import gzip
 import json
 import tarfile
+import zipfile
 from pathlib import Path
 
 import numpy as np
@@ -597,3 +598,52 @@ def test_numbers_of_scans_of_whole_matrices_are_no_entries(tmp_path):
     assert [table.stem for table in entries_last([read_tables(path)[0] for path in paths])] == [
         path.stem for path in paths
     ]
+
+
+def test_text_in_a_table_with_names_of_its_own_is_refused_with_its_line(tmp_path):
+    names = ["freq", *(f"Y{entry}_{part}" for entry in ENTRIES for part in ("re", "im"))]
+    lines = text_of(names, np.column_stack([FREQUENCY, parts(ADMITTANCE)])).splitlines()
+    lines[5] = ",".join([*lines[5].split(",")[:2], "abc", *lines[5].split(",")[3:]])
+    path = tmp_path / "scan.csv"
+    path.write_text("\n".join(lines))
+    with pytest.raises(SweepError, match=r"line 6: Ydd_im must be a number; found 'abc'"):
+        ibrid.read_sweep(path, **SAID)
+    path.write_text("\n".join([lines[0].replace("freq", "name,p,q,freq_hz"), *lines[1:]]))
+    with pytest.raises(SweepError, match=r"column op is missing; found 'name'"):
+        ibrid.read_sweep(path, **SAID)
+
+
+@each_of("kind", ["npz", "h5"])
+def test_a_model_in_arrays_is_sampled_at_the_frequencies_that_are_said(tmp_path, kind):
+    model = {"A": -100 * np.eye(2), "B": np.eye(2), "C": np.eye(2), "D": np.zeros((2, 2))}
+    path = tmp_path / f"ss.{kind}"
+    if kind == "npz":
+        np.savez(path, **model)
+    else:
+        h5py = pytest.importorskip("h5py", reason="HDF5 is written by h5py (pip install h5py)")
+        with h5py.File(path, "w") as file:
+            for name, values in model.items():
+                file[name] = values
+    sweep = ibrid.read_sweep(path, frequency=[10.0, 20.0, 30.0], **SAID)
+    assert sweep.points[0].frequency.tolist() == [10.0, 20.0, 30.0]
+
+
+@each_of("kind", ["scan.zip", "scan.tar.gz"])
+def test_an_archive_in_place_of_a_file_names_one_in_it(tmp_path, kind):
+    own = tmp_path / "own.csv"
+    own.write_text("f\n1\n")
+    path = tmp_path / kind
+    if kind.endswith("zip"):
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.write(own, "own.csv")
+    else:
+        with tarfile.open(path, "w:gz") as archive:
+            archive.add(own, "own.csv")
+    for read in (ibrid.read_sweep, read_events):
+        with pytest.raises(SweepError, match=rf"name a file in it: .*{kind}/own.csv"):
+            read(path)
+
+
+def test_words_of_japan_are_those_of_japan():
+    words = "インピーダンスの測定"
+    assert decoded(words.encode("cp932")) == words

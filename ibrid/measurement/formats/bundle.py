@@ -55,12 +55,17 @@ def stem_of(path: Path) -> str:
     return _unpacked_name(path).stem
 
 
+def is_archive(path: Path) -> bool:
+    """Whether a path is that of an archive of files."""
+    return _ARCHIVE.fullmatch(path.name) is not None and path.is_file()
+
+
 def files_in(path: Path) -> list[Path]:
     """The files with numbers in an archive, in its order; of any other path itself.
 
     SweepError for an archive that is none.
     """
-    if not _ARCHIVE.fullmatch(path.name) or not path.is_file():
+    if not is_archive(path):
         return [path]
     with _opened(path) as archive:
         names = [one.filename for one in archive.infolist() if not one.is_dir()]

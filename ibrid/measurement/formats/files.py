@@ -17,12 +17,13 @@ from ibrid.writing import write_whole
 MAX_BYTES = bundle.LARGEST
 #: Bytes of a file that show how it begins.
 BEGINNING = 1 << 16
-#: Encodings of text, and what must be in it: words of tables where bytes alone do not tell, two
-#: characters of Chinese beside each other, as one may be two letters of another language (Größe).
+#: Encodings in the order tried -> pattern that the decoded text must contain: words of tables
+#: where bytes alone do not tell, kana of Japanese, two characters of Chinese beside each other, as
+#: one may be two letters of another language (Größe).
 _WRITTEN = {
     "utf-8-sig": "",
     "cp949": "주파수|실수|허수|실부|허부|전압|전류|시간|위상|크기",
-    "cp932": "時間|周波数|電圧|電流|実部|虚部|実数|虚数|位相",
+    "cp932": "時間|周波数|電圧|電流|実部|虚部|実数|虚数|位相|[\u3041-\u30fa]{2}",
     "gb2312": "[\u4e00-\u9fff]{2}",
     "cp1252": "",
 }
@@ -53,6 +54,11 @@ def _unpacked_bytes(path: Path) -> bytes:
             raise SweepError(
                 f"{path} must be a regular file; found a device or pipe, save the data to a file "
                 "first."
+            )
+        if bundle.is_archive(path):
+            raise SweepError(
+                f"{path} must be one file; found an archive, name a file in it: "
+                f"{bundle.files_in(path)[0]}, or use ibrid import."
             )
         size = path.stat().st_size
         if size > MAX_BYTES:
