@@ -12,6 +12,7 @@ from ibrid.commands import inputs
 from ibrid.errors import IbridError
 
 if TYPE_CHECKING:
+    from ibrid.measurement.importing.foreign_table import ForeignTable
     from ibrid.measurement.recordings.events import Events
     from ibrid.measurement.sweeps.sweep import Sweep
 
@@ -67,22 +68,27 @@ def says_anything(arguments: Namespace) -> bool:
     return bool(arguments.map or arguments.grid) or any(value not in (None, []) for value in said)
 
 
-def hold_records(files: Sequence[str], arguments: Namespace) -> bool:
-    """Whether the files are recordings in time, as `--channels` says or they themselves do."""
+def recordings_of(files: Sequence[str], arguments: Namespace) -> "list[str | ForeignTable]":
+    """The recordings in time, as `--channels` says or the files themselves do: the channels of one
+    that lie in files of their own side by side, else the files; none where they hold no records.
+    """
+    from ibrid.measurement.importing.numbers.number_format import number_format
     from ibrid.measurement.importing.timed.recording_files import channels_apart
 
-    if arguments.channels or any(map(inputs.holds_events, files)):
-        return True
-    return channels_apart([Path(file) for file in files]) is not None
+    form = number_format({"decimal": arguments.decimal})
+    joined = channels_apart([Path(file) for file in files], form)
+    if joined is not None:
+        return [joined]
+    is_recorded = arguments.channels or any(map(inputs.holds_events, files))
+    return [*files] if is_recorded else []
 
 
-def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
-    """All records of the files, in one convention.
+def records_in(sources: "Sequence[str | ForeignTable]", arguments: Namespace) -> FromFiles:
+    """All records of `recordings_of` some files, in one convention.
 
     Raises IbridError for options that say nothing of records, and for records of different nominal
     frequency or estimator, of which an events file says one.
     """
-    from ibrid.measurement.importing.timed.recording_files import channels_apart
     from ibrid.measurement.read_events import READ_AS, read_events
 
     unfit = [
@@ -97,8 +103,6 @@ def records_in(files: Sequence[str], arguments: Namespace) -> FromFiles:
             f"{', --'.join(options).replace('_', '-')} do"
         )
     keys = {name: getattr(arguments, name) for name in (*OF_BOTH, *OF_RECORDS)}
-    joined = channels_apart([Path(file) for file in files])
-    sources = files if joined is None else [joined]
     read = [read_events(one, channels=arguments.channels, **keys) for one in sources]
     if len({events.f0_hz for events in read}) > 1:
         raise IbridError(

@@ -11,7 +11,7 @@ from ibrid.commands.foreign_files import (
     FromFiles,
     UnansweredError,
     files_named,
-    hold_records,
+    recordings_of,
     records_in,
     sweep_in,
 )
@@ -42,7 +42,8 @@ def run(arguments: Namespace) -> int:
             require_place(place)
     files = files_named(arguments.files)
     try:
-        read = (records_in if hold_records(files, arguments) else sweep_in)(files, arguments)
+        recordings = recordings_of(files, arguments)
+        read = records_in(recordings, arguments) if recordings else sweep_in(files, arguments)
     except UnansweredError as unanswered:
         _say(unanswered.readings, unanswered.remarks)
         raise

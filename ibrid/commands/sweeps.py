@@ -77,8 +77,8 @@ def _measured(arguments: Namespace) -> "Sweep | Events":
     if not is_there(Path(arguments.data)):
         return inputs.data(arguments.data)
     files = foreign_files.files_named([arguments.data])
-    if foreign_files.hold_records(files, arguments):
-        return foreign_files.records_in(files, arguments).data
+    if recordings := foreign_files.recordings_of(files, arguments):
+        return foreign_files.records_in(recordings, arguments).data
     if foreign_files.says_anything(arguments) or len(files) > 1:
         return _said_of(foreign_files.sweep_in(files, arguments, inspecting=True))
     inputs.require_no_events_options(arguments)

@@ -22,7 +22,11 @@ from ibrid.measurement.importing.doubts.transformer_ratio import (
     ratios_said,
 )
 from ibrid.measurement.importing.foreign_table import ForeignTable, frame_table
-from ibrid.measurement.importing.numbers.number_format import number_format, without_format
+from ibrid.measurement.importing.numbers.number_format import (
+    NumberFormat,
+    number_format,
+    without_format,
+)
 from ibrid.measurement.importing.shapes.signed_names import without_signs
 from ibrid.measurement.importing.timed.clock_times import with_date_and_time
 from ibrid.measurement.importing.timed.comtrade_file import SUFFIXES, read_comtrade
@@ -36,7 +40,7 @@ from ibrid.measurement.importing.timed.pscad_output import is_pscad_output
 from ibrid.measurement.importing.timed.recording_comments import RecordingComments, read_comments
 from ibrid.measurement.importing.timed.recording_files import (
     PSOUT,
-    channels_apart,
+    joined_channels,
     recording_tables,
 )
 from ibrid.measurement.importing.timed.recording_table import recording_of
@@ -102,17 +106,17 @@ def read_events(path: Any, *, channels: ToldChannels = None, **keys: object) -> 
             )
     form, keys = number_format(keys), without_format(keys)
     if isinstance(path, list | tuple):
-        path = channels_apart([*map(Path, path)])
-        if path is None:
+        if others := [one for one in path if not isinstance(one, str | Path)]:
             raise SweepError(
-                "files of one recording must each hold a time and one channel, at the same times; "
-                "found others, read them one by one."
+                "read_events takes a path, a list of paths or a DataFrame; found a list with "
+                f"{type(others[0]).__name__}, read them one by one."
             )
+        path = joined_channels([*map(Path, path)], form)
     if isinstance(path, ForeignTable):
         ratios = ratios_said(keys.pop("ratio", None))
         return _of_tables([path], channels, keys, path.where, ratios)
     if not isinstance(path, str | Path):
-        return _of_frame(path, channels, keys)
+        return _of_frame(path, channels, keys, form)
     path = Path(path)
     said_beside, notes = sidecar_keys(_configuration_of(path), (*KEYS, *_OF_TABLES), CHOICES)
     told: dict[str, object] = {**said_beside, **keys}
@@ -216,7 +220,7 @@ def _configuration_of(path: Path) -> Path:
     return next((one for one in beside(path) if one.name.lower() == called), path)
 
 
-def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
+def _of_frame(frame: Any, channels: Any, keys: dict[str, object], form: NumberFormat) -> Events:
     if getattr(frame, "columns", None) is None:
         raise SweepError(f"read_events takes a path or a DataFrame; found {type(frame).__name__}.")
     said = {
@@ -225,7 +229,8 @@ def _of_frame(frame: Any, channels: Any, keys: dict[str, object]) -> Events:
         if key in KEYS and value is not None
     }
     table = replace(
-        frame_table(frame), comments=tuple((0, f"{key}: {value}") for key, value in said.items())
+        frame_table(frame, form),
+        comments=tuple((0, f"{key}: {value}") for key, value in said.items()),
     )
     ratios = ratios_said(keys.get("ratio"))
     said_of_frame = {key: value for key, value in keys.items() if key != "ratio"}

@@ -17,9 +17,11 @@ from ibrid.errors import SweepError
 from ibrid.measurement.formats.files import decoded
 from ibrid.measurement.formats.touchstone import touchstone_response
 from ibrid.measurement.importing.importing import import_files
+from ibrid.measurement.importing.numbers.number_format import NumberFormat
 from ibrid.measurement.importing.shapes.entries_apart import entries_last
 from ibrid.measurement.importing.table_files import read_tables
-from ibrid.measurement.importing.timed.recording_files import each_once
+from ibrid.measurement.importing.timed import recording_files
+from ibrid.measurement.importing.timed.recording_files import each_once, joined_channels
 from ibrid.measurement.read_events import is_events_file, read_events
 
 SWEEP = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
@@ -647,3 +649,59 @@ def test_an_archive_in_place_of_a_file_names_one_in_it(tmp_path, kind):
 def test_words_of_japan_are_those_of_japan():
     words = "インピーダンスの測定"
     assert decoded(words.encode("cp932")) == words
+
+
+def test_points_of_thousands_in_files_of_an_oscilloscope_are_read_as_said(tmp_path):
+    paths = [tmp_path / f"sc_{name}.csv" for name in ("Va", "Vb", "Ia", "Ib")]
+    for path in paths:
+        path.write_text("t;x\n0;1.234\n1;2.345\n2;3.456\n")
+    for decimal, factor in (("point", 1.0), ("comma", 1e3)):
+        table = joined_channels(paths, NumberFormat(decimal))
+        assert table.columns["Va"] == pytest.approx(factor * np.array([1.234, 2.345, 3.456]))
+    with pytest.raises(SweepError, match="decimal must be point or comma"):
+        read_events(paths, decimal="semicolon")
+
+
+def test_a_recording_in_several_files_is_called_as_all_of_them(tmp_path):
+    paths = scope_files(tmp_path, "sc_{name}.csv", "t,x", "")
+    assert read_events(paths, **OF_RECORDER).records[0].name == "sc"
+    paths = scope_files(tmp_path, "tek0003CH{n}.csv", TEKTRONIX, "V|A")
+    assert joined_channels(paths).stem == "tek0003CH"
+
+
+def test_files_that_are_no_recording_together_say_why(tmp_path):
+    paths = scope_files(tmp_path, "sc_{name}.csv", "t,x", "")
+    with pytest.raises(SweepError, match="must be 4 at least; found 3"):
+        read_events(paths[:3], **OF_RECORDER)
+    with pytest.raises(SweepError, match=r"gone.csv must exist"):
+        read_events([*paths[:5], tmp_path / "gone.csv"], **OF_RECORDER)
+    paths[2].write_text("t,x,y\n0,1,2\n1,2,3\n")
+    with pytest.raises(SweepError, match=r"sc_Vc.csv must hold a time and one channel.*t, x, y"):
+        read_events(paths, **OF_RECORDER)
+    with pytest.raises(SweepError, match="a list with dict, read them one by one"):
+        read_events([{}, {}], **OF_RECORDER)
+
+
+@each_of("count, answer", [(3, "add those that lack"), (4, "v="), (5, "v_mag=2,v_ang=3")])
+def test_a_table_of_few_columns_is_answered_with_what_it_can_hold(tmp_path, count, answer):
+    names = [f"x{k}" for k in range(count)]
+    path = tmp_path / "few.csv"
+    path.write_text(text_of(names, np.column_stack([TIME, *CURRENTS, *VOLTAGES])[:, :count]))
+    with pytest.raises(SweepError, match=rf"found {count} channels.*{answer}") as refused:
+        read_events(path, **OF_RECORDER)
+    assert "va=" not in str(refused.value)
+
+
+def test_files_of_an_oscilloscope_are_read_once_by_an_import(tmp_path, monkeypatch):
+    paths = scope_files(tmp_path, "sc_{name}.csv", "t,x", "")
+    read = []
+
+    def counted(path: Path, *args: object, **keys: object) -> list:
+        read.append(path)
+        return read_tables(path, *args, **keys)
+
+    monkeypatch.setattr(recording_files, "read_tables", counted)
+    said = ["--base", "100kVA,400V", "--f0-hz", "60", "--current", "out"]
+    out = ["--out", str(tmp_path / "out.csv")]
+    assert cli.main(["import", *map(str, paths), *said, *out]) == 0
+    assert read == paths

@@ -27,6 +27,12 @@ OTHER_FAMILIES = (
     ", or vab=,vbc=,ia=,ic= of three wires (vcb and the like counted the other way), "
     "vd=,vq=,id=,iq=, v_mag=,v_ang=,i_mag=,i_ang= or v=,p=,q="
 )
+#: What fewer channels than a time, three voltages and three currents may be.
+_FEWER = (
+    "t=1,vd=2,vq=3,id=4,iq=5",
+    "t=1,v_mag=2,v_ang=3,i_mag=4,i_ang=5",
+    "t=1,v=2,p=3,q=4",
+)
 _LETTERS = {"a": "a|l1|r|1", "b": "b|l2|s|y|2", "c": "c|l3|t|w|3"}
 _QUANTITY = {"v": r"v|u|volt(age)?|spannung", "i": r"i|amp(ere)?s?|curr(ent)?|strom"}
 
@@ -101,6 +107,8 @@ def chosen(
     if lacking:
         role, count = next(iter(lacking.items()))
         asked = [*(["t"] if others and "t" not in placed else []), *lacking]
+        if others and len(names) < len(placed) + len(asked):
+            raise SweepError(_too_few(names, where))
         free = (k for k in range(1, len(names) + 8) if k - 1 not in placed.values())
         numbers = {role: placed[role] + 1 for role in told} | dict(zip(asked, free, strict=False))
         answer = ",".join(f"{role}={number}" for role, number in numbers.items())
@@ -109,6 +117,15 @@ def chosen(
             f"its name and unit show, tell them: --channels {answer}{others}; {_listed(names)}"
         )
     return placed
+
+
+def _too_few(names: Sequence[str], where: str) -> str:
+    answers = [answer for answer in _FEWER if answer.count("=") <= len(names)]
+    answer = f"tell what they are: --channels {' or '.join(answers)}"
+    return (
+        f"{where} must have a time, three voltages and three currents; found {len(names)} "
+        f"channels, {answer if answers else 'add those that lack'}; {_listed(names)}"
+    )
 
 
 def place_by_number(text: str, count: int) -> int | None:

@@ -2,7 +2,9 @@
 
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
+from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +26,7 @@ from ibrid.measurement.importing.timed.signal_names import size_of, split_unit
 PSOUT = ".psout"
 #: Files with a channel each of which a recording is made: two voltages, two currents.
 FEWEST_CHANNELS = 4
+_WORD = re.compile(r"[^\W_]+")
 #: Of a COMTRADE record: what is read with its configuration.
 _WITH_CONFIGURATION = (".dat", ".hdr", ".inf")
 
@@ -42,46 +45,81 @@ def recording_tables(path: Path, form: NumberFormat = UNSAID) -> list[ForeignTab
     return tables if one is None else [one]
 
 
-def channels_apart(paths: Sequence[Path]) -> ForeignTable | None:
+def channels_apart(paths: Sequence[Path], form: NumberFormat = UNSAID) -> ForeignTable | None:
+    """The recording of `joined_channels`; None for other files."""
+    with suppress(SweepError):
+        return joined_channels(paths, form)
+    return None
+
+
+def joined_channels(paths: Sequence[Path], form: NumberFormat = UNSAID) -> ForeignTable:
     """The channels of one recording that an oscilloscope saved as files of their own, each with a
-    time and a value, side by side and called as the files are; None for other files.
+    time and a value, side by side and called as the files are.
+
+    form : how numbers are written. Raises SweepError that says why the files are no such recording.
     """
     if len(paths) < FEWEST_CHANNELS:
-        return None
+        raise SweepError(
+            f"files of one recording with a channel each must be {FEWEST_CHANNELS} at least; found "
+            f"{len(paths)}, read them one by one."
+        )
     held: list[tuple[ForeignTable, str, np.ndarray]] = []
     time = np.zeros(0)
     for path in paths:
-        try:
-            (table,) = read_tables(path)
-        except (SweepError, ValueError):
-            return None
+        table, *more = read_tables(path, form=form)
         whole = [
             (name, column)
             for name, column in table.columns.items()
             if column.dtype.kind == "f" and np.isfinite(column).all()
         ]
-        if len(whole) != 2 or entry_named(table.stem) or meaning_of(whole[0][0]).role:
-            return None
+        of_sweep = entry_named(table.stem) or (whole and meaning_of(whole[0][0]).role)
+        if more or len(whole) != 2 or of_sweep:
+            raise SweepError(
+                f"{path} must hold a time and one channel, as each of several files of one "
+                f"recording; found {some(list(table.columns))}, read the files one by one."
+            )
         (_, grid), (name, values) = whole
         time = time if held else grid
         if not np.array_equal(time, grid) or (np.diff(grid) <= 0).any():
-            return None
+            raise SweepError(
+                f"{path} must hold a channel at rising times, at the same times as {paths[0]}; "
+                "found others, read the files one by one."
+            )
         unit = name if size_of(name) else split_unit(name)[1]
         held.append((table, f" [{unit}]" if unit else "", values))
     stems, first = [table.stem for table, _, _ in held], held[0][0]
     if len({*stems}) < len(stems):
-        return None
+        raise SweepError(
+            f"files of one recording must be called as their channels are; found {some(stems)}, "
+            "give each a name of its own."
+        )
     names = _names_of_channels(stems)
     columns = {"t [s]": time} | {
         f"{name}{unit}": values for name, (_, unit, values) in zip(names, held, strict=True)
     }
     remark = f"{len(paths)} files with a channel each are one recording: {some(stems)}"
-    return replace(first, where=f"{first.where} and others", columns=columns, remarks=(remark,))
+    return replace(
+        first,
+        where=f"{first.where} and others",
+        stem=_common_name(stems),
+        columns=columns,
+        remarks=(remark,),
+    )
+
+
+def _common_name(stems: Sequence[str]) -> str:
+    """The words in which the names of files agree, else how all begin; the first name where they
+    have nothing in common.
+    """
+    words = [_WORD.findall(stem) for stem in stems]
+    alike = [at[0] for at in zip(*words, strict=False) if len({*at}) == 1]
+    begin = takewhile(lambda at: len({*at}) == 1, zip(*stems, strict=False))
+    return "_".join(alike) or "".join(at[0] for at in begin).strip("_- ") or stems[0]
 
 
 def _names_of_channels(stems: Sequence[str]) -> list[str]:
     """What differs in the names of files: the part that names a signal in each, else all of it."""
-    words = [re.findall(r"[^\W_]+", stem) for stem in stems]
+    words = [_WORD.findall(stem) for stem in stems]
     if len({*map(len, words)}) > 1:
         return list(stems)
     at_places = list(zip(*words, strict=True))
