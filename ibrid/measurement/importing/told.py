@@ -47,7 +47,7 @@ _DOUBTED_NAME = re.compile(r"[ _-]?(load|abs|ind|cap|lag|lead)(?![a-zA-Z])", re.
 _QUARTER = re.compile(r"(?<!\d)(?:19|20)\d\d[-_ ]?Q[1-4](?![\d.,p])")
 _WORD = re.compile(r"([A-Za-z][\w ]{0,80}?)\s*+[:=]\s*+([A-Za-z]+)")
 _IN_NAME = re.compile(
-    r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
+    r"(?:^|[^a-zA-Z])([pqvPQVuU])[ =_]?\+?(-?|m|neg)(\d+(?:[.,p]\d+)?)\s?(pu|[kM]?W|[kM]?[vV][aA][rR]|k?V)?(?![a-zA-Z0-9])"
 )
 _BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
 _OMEGA_0 = re.compile(r"(w|omega|ω)(0|n|nom|b|base)")

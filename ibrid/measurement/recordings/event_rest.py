@@ -106,8 +106,8 @@ def record_from_rest(
     if not level > 0.01:
         raise SweepError(
             f"record {name} must begin with a voltage; found at most {level:.2g} per unit, check "
-            "its unit (kV in place of V?), or multiply values of a secondary side: --ratio "
-            "v=20000/100."
+            "its unit (kV in place of V? per unit: --unit pu), or multiply values of a secondary "
+            "side: --ratio v=20000/100."
         )
     if ripples:
         _check_sequence(name, _constants(time[:count], v[:count], f0_hz))
