@@ -2,6 +2,7 @@
 reader.
 """
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -109,21 +110,20 @@ def read_sweep(path: Any, *, frequency: np.ndarray | None = None, **keys: Any) -
     except UnsaidError:
         raise
     except SweepError as reason:
-        raise (first if first and _resembles_own(path) else reason) from None
+        raise (reason if first is None or _has_foreign_header(path) else first) from None
 
 
 def is_own_sweep(path: Path) -> bool:
     """Whether a file has the columns of a sweep file of ours."""
-    return {*SETPOINT} <= _names_in(path)
+    return {*SETPOINT} <= {name.strip() for name in first_line(path).split(",")}
 
 
-def _resembles_own(path: Path) -> bool:
-    """Whether at most one of the first columns of a sweep file of ours is called otherwise."""
-    return len({*SETPOINT} - _names_in(path)) <= 1
-
-
-def _names_in(path: Path) -> set[str]:
-    return {name.strip() for name in first_line(path).split(",")}
+def _has_foreign_header(path: Path) -> bool:
+    """Whether the first line of a text has several words, and two or more of the first columns of a
+    sweep file of ours are not among them, whatever separates them.
+    """
+    words = re.split(r"[,;|\s]+", first_line(path))
+    return len(words) > 1 and len({*SETPOINT} - {*words}) > 1
 
 
 def is_sweep_file(path: Path) -> bool:
