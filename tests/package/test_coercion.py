@@ -223,3 +223,17 @@ def test_a_base_is_two_numbers_or_text():
     assert base_of((50e3, 400), "base") == base_of("50kVA,400V", "base") == (50e3, 400.0)
     with pytest.raises(SweepError, match="like 10kVA,400V"):
         base_of((50e3,), "base")
+
+
+def test_sweeps_times_no_number_and_at_no_frequency_are_refused():
+    sweep = ibrid.read_sweep(ibrid.benchmarks()["paper_like"])
+    for refused in (
+        lambda: sweep * 10**400,
+        lambda: sweep * float("nan"),
+        lambda: sweep / 0,
+        lambda: sweep / np.float64(0),
+        lambda: sweep.resample([]),
+        lambda: ibrid.inspect(0 * sweep),
+    ):
+        with pytest.raises(SweepError, match="must"):
+            refused()

@@ -4,6 +4,8 @@ Standard deviations follow as of independent measurements; single runs and large
 left behind.
 """
 
+from cmath import isfinite
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -57,13 +59,30 @@ def added(first: Sweep, second: Sweep) -> Sweep:
 
 
 def multiplied(sweep: Sweep, number: complex) -> Sweep:
-    """Every admittance times a number; without sigma where that is zero."""
-    return replace(sweep, points=tuple(_multiplied(point, number) for point in sweep.points))
+    """Every admittance times a number, without sigma where that is zero; SweepError where it is not
+    finite.
+    """
+    factor = _finite(number)
+    return replace(sweep, points=tuple(_multiplied(point, factor) for point in sweep.points))
 
 
-def _multiplied(point: PointSweep, number: complex) -> PointSweep:
-    sigma = None if point.sigma is None or not number else abs(number) * point.sigma
-    return replace(point, admittance=number * point.admittance, sigma=sigma, **_COMPUTED)
+def divided(sweep: Sweep, number: complex) -> Sweep:
+    """Every admittance over a number; SweepError for 0, and where it is not finite."""
+    if not number:
+        raise SweepError("a sweep must be divided by a number beside 0; found 0.")
+    return multiplied(sweep, 1.0 / _finite(number))
+
+
+def _finite(number: complex) -> complex:
+    with suppress(OverflowError):
+        if isfinite(factor := complex(number)):
+            return factor
+    raise SweepError("a sweep must be multiplied or divided by a finite number; found another.")
+
+
+def _multiplied(point: PointSweep, factor: complex) -> PointSweep:
+    sigma = None if point.sigma is None or not factor else abs(factor) * point.sigma
+    return replace(point, admittance=factor * point.admittance, sigma=sigma, **_COMPUTED)
 
 
 def resampled(sweep: Sweep, frequencies: Any) -> Sweep:
@@ -71,6 +90,8 @@ def resampled(sweep: Sweep, frequencies: Any) -> Sweep:
     neighbours; SweepError beyond the measured range.
     """
     wanted = frequencies_of(frequencies)
+    if not len(wanted):
+        raise SweepError("frequencies must be one in Hz or more; found none.")
     points = []
     for point in sweep.points:
         own = point.frequency

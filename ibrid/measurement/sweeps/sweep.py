@@ -421,7 +421,9 @@ class Sweep(Frozen):
 
     def __truediv__(self, number: Any) -> Any:
         """Every admittance over a number."""
-        return self * (1.0 / number) if isinstance(number, Complex) else NotImplemented
+        if not isinstance(number, Complex):
+            return NotImplemented
+        return made_above(self, _ARITHMETIC, "divided", number)
 
     def __neg__(self) -> "Sweep":
         """Every admittance with the other sign."""

@@ -129,9 +129,11 @@ def left_over(frequency: np.ndarray, response: np.ndarray) -> float | None:
 def _left_over(frequency: bytes, response: bytes) -> float | None:
     hertz = np.frombuffer(frequency)
     measured = np.frombuffer(response, dtype=complex).reshape(-1, 2, 2)
-    measured = measured / np.abs(measured).max()
-    if len(hertz) < FEWEST or np.linalg.norm(measured, axis=(1, 2)).min() < LEAST:
+    size = np.linalg.norm(measured, axis=(1, 2))
+    largest = np.abs(measured).max()
+    if len(hertz) < FEWEST or not size.min() >= LEAST * largest > 0:
         return None
+    measured = measured / largest
     best = best_fit(hertz, measured)
     cautious = best.variance * (1.0 + CAUTION * np.sqrt(2.0 / best.dof))
     return float(np.sqrt(8.0 * cautious)) if best.white else None
