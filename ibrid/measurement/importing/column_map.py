@@ -27,6 +27,9 @@ _FORMS = (
     "unit, #3 for the third"
 )
 
+#: Most characters of one item.
+LONGEST = 4000
+
 
 @dataclass(frozen=True)
 class Source:
@@ -89,6 +92,11 @@ def _items(texts: Iterable[str]) -> Iterator[tuple[str, str]]:
             role, mark, value = (part.strip() for part in item.partition("="))
             if not mark or not value:
                 raise SweepError(f"--map is written {_FORMS}; found {item.strip()[:60]!r}.")
+            if len(item) > LONGEST:
+                raise SweepError(
+                    f"--map {role[:40]}=.. must have at most {LONGEST:,} characters; found "
+                    f"{len(item):,}, name columns by their number, #3."
+                )
             yield role, value
 
 
