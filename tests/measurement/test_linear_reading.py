@@ -143,4 +143,4 @@ def test_a_cell_is_a_number_or_text_whatever_its_length(text: str):
 def test_a_map_of_endless_parts_is_refused_by_its_length(tmp_path):
     (tmp_path / "a.csv").write_text("f,a,b\n1,2,3\n2,3,4\n3,4,5\n")
     with pytest.raises(SweepError, match="at most 4,000 characters"):
-        import_files([tmp_path / "a.csv"], map="Ydd=" + "+j".join(["a"] * 30_000))
+        import_files([tmp_path / "a.csv"], ["Ydd=" + "+j".join(["a"] * 30_000)])
