@@ -113,7 +113,7 @@ def test_the_command_says_what_to_write(sweep: Sweep, tmp_path, capsys):
 
 
 def test_uncertain_labels_need_shared_parameters(sweep: Sweep):
-    with pytest.raises(IbridError, match="drop --labels"):
+    with pytest.raises(IbridError, match="drop labels"):
         ibrid.evaluate(textbook(DEVICE), sweep, labels="uncertain", parameters="per-op")
 
 

@@ -230,6 +230,8 @@ def test_sweeps_times_no_number_and_at_no_frequency_are_refused():
     for refused in (
         lambda: sweep * 10**400,
         lambda: sweep * float("nan"),
+        lambda: sweep * 1e308 * 10,
+        lambda: sweep * 1e-320,
         lambda: sweep / 0,
         lambda: sweep / np.float64(0),
         lambda: sweep.resample([]),

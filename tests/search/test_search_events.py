@@ -173,5 +173,5 @@ def test_events_with_other_habits_are_one_sentence(tmp_path, capsys):
 
 def test_records_where_a_sweep_is_needed_are_called_what_they_are(tmp_path):
     write_events(events(), tmp_path / "events.csv")
-    with pytest.raises(ibrid.IbridError, match="holds records of events, where a sweep is needed"):
+    with pytest.raises(ibrid.IbridError, match="holds records of events, and a sweep is needed"):
         ibrid.read_sweep(tmp_path / "events.csv")

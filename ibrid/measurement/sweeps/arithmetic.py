@@ -18,6 +18,8 @@ from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
 
 #: Part of a frequency by which rounding may put it beyond the measured range.
 ROUNDED = 1e-9
+#: Largest admittance, per unit, that files may hold, and the inverse of the smallest.
+LARGEST = 1e40
 #: What a computed admittance has no more; it may be zero, as a model's may.
 _COMPUTED: dict[str, Any] = {"repeats": None, "amplitude": None, "larger": (), "predicted": True}
 
@@ -54,7 +56,7 @@ def added(first: Sweep, second: Sweep) -> Sweep:
         if point.sigma is not None and other.sigma is not None:
             sigma = np.hypot(point.sigma, other.sigma)
         admittance = point.admittance + other.admittance
-        points.append(replace(point, admittance=admittance, sigma=sigma, **_COMPUTED))
+        points.append(_computed(point, admittance, sigma))
     return replace(first, points=tuple(points))
 
 
@@ -82,7 +84,17 @@ def _finite(number: complex) -> complex:
 
 def _multiplied(point: PointSweep, factor: complex) -> PointSweep:
     sigma = None if point.sigma is None or not factor else abs(factor) * point.sigma
-    return replace(point, admittance=factor * point.admittance, sigma=sigma, **_COMPUTED)
+    with np.errstate(over="ignore", invalid="ignore"):
+        return _computed(point, factor * point.admittance, sigma)
+
+
+def _computed(point: PointSweep, admittance: np.ndarray, sigma: np.ndarray | None) -> PointSweep:
+    largest = np.abs(admittance).max()
+    if largest and not 1.0 / LARGEST < largest < LARGEST:
+        raise SweepError(
+            f"admittances must be of a size that can be; found {largest:.3g} at {point.op.name}."
+        )
+    return replace(point, admittance=admittance, sigma=sigma, **_COMPUTED)
 
 
 def resampled(sweep: Sweep, frequencies: Any) -> Sweep:
