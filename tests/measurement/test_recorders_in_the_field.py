@@ -190,9 +190,13 @@ def test_channels_are_named_without_their_unit_and_numbered_with_a_sign(tmp_path
 
 
 def test_a_table_of_unknown_columns_says_what_may_be_told_of_them(tmp_path):
-    columns = {"t [s]": TIME, "x": VA, "y": VB}
-    (path,) = written(tmp_path, "xyz.csv", text(list(columns), list(columns.values())))
-    with pytest.raises(ibrid.IbridError, match=r"or vab=,vbc=,ia=,ic= of three wires .*v_mag="):
+    few = {"t [s]": TIME, "x": VA, "y": VB}
+    (path,) = written(tmp_path, "xyz.csv", text(list(few), list(few.values())))
+    with pytest.raises(ibrid.IbridError, match="found 3 channels, add those that lack"):
+        ibrid.read_events(path, **BASES)
+    more = {**few, "z": VA, "u": VB, "w": VA}
+    (path,) = written(tmp_path, "more.csv", text(list(more), list(more.values())))
+    with pytest.raises(ibrid.IbridError, match="or t=1,v_mag=2,v_ang=3,i_mag=4,i_ang=5"):
         ibrid.read_events(path, **BASES)
 
 

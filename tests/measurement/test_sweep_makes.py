@@ -139,7 +139,7 @@ def test_frames_of_several_levels_and_networks_are_read_in_python(truth):
     deep = pandas.DataFrame({("f", ""): frequency, **levels})
     for frame in (plain, deep):
         assert np.array_equal(ibrid.read_sweep(frame, **said).points[0].admittance, matrix)
-    with pytest.raises(ibrid.IbridError, match=r'add unit="pu" or unit="S" base='):
+    with pytest.raises(ibrid.IbridError, match=r'add unit="pu" or unit="S", base='):
         ibrid.read_sweep(plain, p=1, q=0.3)
     rf = pytest.importorskip("skrf")
     said = {"p": 1, "q": 0.3, "s_base_va": 10e3, "v_base_v": 400.0}
