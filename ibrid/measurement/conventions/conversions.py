@@ -10,6 +10,7 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.conventions.header import Header
 from ibrid.measurement.conventions.rotation import propagate
+from ibrid.measurement.sweeps.sweep import LARGEST
 
 Q_MIRROR = np.diag([1.0, -1.0])
 """T: reverses the q axis; Y -> T Y T."""
@@ -21,9 +22,6 @@ TO_SEQUENCE = np.array([[1, 1j], [1, -1j]]) / np.sqrt(2)
 """S, unitary: Y_pn = S Y_dq S^H = 1/2 [[1, j], [1, -j]] Y_dq [[1, 1], [-j, j]]; p sits at f + f0, n
 at f - f0.
 """
-
-
-LARGEST = 1e40
 
 
 @dataclass(frozen=True)

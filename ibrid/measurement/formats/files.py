@@ -55,11 +55,6 @@ def _unpacked_bytes(path: Path) -> bytes:
                 f"{path} must be a regular file; found a device or pipe, save the data to a file "
                 "first."
             )
-        if bundle.is_archive(path):
-            raise SweepError(
-                f"{path} must be one file; found an archive, name a file in it: "
-                f"{bundle.files_in(path)[0]}, or use ibrid import."
-            )
         size = path.stat().st_size
         if size > MAX_BYTES:
             raise SweepError(
@@ -68,6 +63,11 @@ def _unpacked_bytes(path: Path) -> bytes:
             )
         announce(path)
         content = path.read_bytes()
+        if b"\0" in content[:BEGINNING] and bundle.is_archive(path):
+            raise SweepError(
+                f"{path} must be one file; found an archive, name a file in it: "
+                f"{bundle.files_in(path)[0]}, or use ibrid import."
+            )
         return bundle.unpacked(content, path) if content.startswith(bundle.PACKED) else content
     except (OSError, ValueError) as reason:
         raise SweepError(

@@ -81,7 +81,7 @@ def touchstone_response(path: Path) -> Response:
 
 
 def _admittance(scattering: np.ndarray, ohm: float, path: Path) -> np.ndarray:
-    """Y = (1 + S)^-1 (1 - S) / R, S, of (K, 2, 2); currents flow into the ports."""
+    """Y = (1 + S)^-1 (1 - S) / R in siemens, (K, 2, 2); currents flow into the ports."""
     one = np.eye(2)
     try:
         return np.linalg.solve(one + scattering, one - scattering) / ohm

@@ -159,10 +159,9 @@ def _meaning(name: str) -> Meaning:
     if matched is None:
         for role, pattern in ROLE_NAMES.items():
             if re.fullmatch(pattern, compact) and role not in _DIMENSIONS:
-                plain = re.fullmatch(
-                    _PARTS.get(role, compact), compact
-                )  # the y of "imaginary" is not the letter Y
-                ends = () if plain else (compact[0], compact[-1])
+                # the y of "imaginary" is not the letter Y
+                is_word = re.fullmatch(_PARTS.get(role, compact), compact)
+                ends = () if is_word else (compact[0], compact[-1])
                 letter = next((end.upper() for end in ends if end in "yz"), "")
                 return Meaning(role, letter=_letter(letter, dimension), **measured)
         of = _letter("", dimension)

@@ -30,9 +30,9 @@ _SOME_POLES, UNSTABLE = 12, 0.3
 #: Entries that come from one test or one file, beside the others; a half that is late is one whose
 #: other half is early.
 _GROUPS = {
-    "{0}dq and {0}qq (the column of {1}q) probably stand": ("dq", "qq"),
-    "{0}qd and {0}qq (the row of {2}q) probably stand": ("qd", "qq"),
-    **{f"{{0}}{entry} probably stands": (entry,) for entry in ENTRIES},
+    "{matrix}dq and {matrix}qq (the column of {cause}q) probably stand": ("dq", "qq"),
+    "{matrix}qd and {matrix}qq (the row of {effect}q) probably stand": ("qd", "qq"),
+    **{f"{{matrix}}{entry} probably stands": (entry,) for entry in ENTRIES},
 }
 _BACKWARDS = (
     "the numbers are those of no stable device, but are once the rows run against their "
@@ -98,7 +98,8 @@ def _fewer_than_needed(hertz: np.ndarray, values: np.ndarray, enough: float, ord
 
 def _mended(values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
     """Each likely mistake in words, and the admittances without it (K, 2, 2)."""
-    for quantities, matrices in (("Yvi", values), ("Ziv", np.linalg.inv(values))):
+    for matrix, cause, effect in (("Y", "v", "i"), ("Z", "i", "v")):
+        matrices = values if matrix == "Y" else np.linalg.inv(values)
         for name, entries in _GROUPS.items():
             for rows, side in ((1, "later"), (-1, "earlier")):
                 mended = matrices.copy()
@@ -107,11 +108,12 @@ def _mended(values: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
                     mended[place] = np.roll(matrices[place], -rows)
                 if (np.linalg.cond(mended) > INVERTIBLE).any():
                     continue
+                named = name.format(matrix=matrix, cause=cause, effect=effect)
                 words = (
-                    f"{name.format(*quantities)} one frequency {side} than the other "
-                    "entries: moved by one row all fit together; check the rows of the file."
+                    f"{named} one frequency {side} than the other entries: moved by one row all "
+                    "fit together; check the rows of the file."
                 )
-                yield words, mended if quantities == "Yvi" else np.linalg.inv(mended)
+                yield words, mended if matrix == "Y" else np.linalg.inv(mended)
 
 
 def _left(hertz: np.ndarray, values: np.ndarray, order: int) -> float:

@@ -14,12 +14,10 @@ import numpy as np
 from ibrid.errors import SweepError
 from ibrid.measurement.sweeps.frequencies import frequencies_of
 from ibrid.measurement.sweeps.interpolating import interpolated
-from ibrid.measurement.sweeps.sweep import PointSweep, Sweep
+from ibrid.measurement.sweeps.sweep import LARGEST, PointSweep, Sweep
 
 #: Part of a frequency by which rounding may put it beyond the measured range.
 ROUNDED = 1e-9
-#: Largest admittance, per unit, that files may hold, and the inverse of the smallest.
-LARGEST = 1e40
 #: What a computed admittance has no more; it may be zero, as a model's may.
 _COMPUTED: dict[str, Any] = {"repeats": None, "amplitude": None, "larger": (), "predicted": True}
 

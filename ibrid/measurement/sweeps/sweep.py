@@ -294,6 +294,9 @@ def require_header(data: Any, what: str, numbers: Sequence[str]) -> None:
         raise SweepError(f"power_node must be capacitor or pcc; found {data.power_node}.")
 
 
+#: Largest admittance of a sweep, per unit, and the inverse of the least that its largest may be:
+#: beyond, squares are infinite or zero.
+LARGEST = 1e40
 #: Where sweeps are added, multiplied and interpolated.
 _ARITHMETIC = "ibrid.measurement.sweeps.arithmetic"
 #: Name of an operating point -> numbers at its frequencies.

@@ -6,7 +6,6 @@ from argparse import Namespace
 from typing import TYPE_CHECKING
 
 from ibrid.commands import inputs
-from ibrid.errors import ImpossibleValueError, SweepError
 from ibrid.streams import complain
 
 if TYPE_CHECKING:
@@ -63,36 +62,5 @@ def _data(arguments: Namespace, folder: "Path") -> "tuple[Sweep | Events, str, E
     if arguments.events is None:
         inputs.require_no_events_options(arguments)
     beside = None if arguments.events is None else inputs.read_events_at(arguments.events, options)
-    sweep, name = _sweep(arguments.data, folder)
-    return inputs.without_wrong_rows(sweep) if arguments.robust else sweep, name, beside
-
-
-def _sweep(text: str, folder: "Path") -> "tuple[Sweep, str]":
-    """The sweep, and how commands name it; a foreign table is imported into the folder where its
-    words suffice.
-    """
-    try:
-        return inputs.data(text), text
-    except ImpossibleValueError:
-        raise
-    except SweepError as refused:
-        from ibrid.measurement.formats.csv_file import write_sweep
-        from ibrid.measurement.importing.importing import import_files
-
-        if inputs.sweep_file(text) is None:
-            raise
-        try:
-            imported = import_files([text])
-        except SweepError:
-            raise refused from None
-        if imported.sweep is None:
-            raise SweepError(
-                f"{imported.asked} Say it to ibrid import {text} --out sweep.csv, then start on "
-                "that."
-            ) from None
-        for remark in imported.remarks:
-            complain(f"mind: {remark}")
-        folder.mkdir(parents=True, exist_ok=True)
-        file = folder / "sweep.csv"
-        write_sweep(imported.sweep, file)
-        return inputs.data(str(file)), str(file)
+    sweep = inputs.data(arguments.data)
+    return inputs.without_wrong_rows(sweep) if arguments.robust else sweep, arguments.data, beside

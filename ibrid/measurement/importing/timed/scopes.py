@@ -25,10 +25,11 @@ def timeseries_table(table: ForeignTable) -> ForeignTable | None:
     """
     for time_of, data_of in _SERIES:
         times, signals = (
-            {name: said[1] for name in table.columns if (said := re.fullmatch(one, name, re.I))}
+            {name: said for name in table.columns if (said := re.fullmatch(one, name, re.I))}
             for one in (time_of, data_of)
         )
-        if not signals or (times and not {*signals.values()} <= {*times.values()}):
+        timed = {said[1] for said in times.values()}
+        if not signals or (times and not {said[1] for said in signals.values()} <= timed):
             continue
         grids = [table.columns[name] for name in times]
         if not all(np.array_equal(grids[0], grid) for grid in grids):
@@ -36,8 +37,8 @@ def timeseries_table(table: ForeignTable) -> ForeignTable | None:
         columns = {"time": grids[0]} if grids else {}
         for name, column in table.columns.items():
             if name in signals:
-                behind = re.search(r"(:\d+)?$", name)[0]  # type: ignore[index]
-                columns[signals[name].rsplit(".", 1)[-1] + behind] = column
+                called, number = signals[name].groups("")
+                columns[called.rsplit(".", 1)[-1] + number] = column
             elif not times:
                 columns[name] = column
         return replace(table, columns=columns, numbered=frozenset())
