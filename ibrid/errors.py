@@ -76,6 +76,9 @@ _WITHOUT_MARKS = re.compile(r"^(.+?(?:\.\.)?)[.,;:)]*$")
 _KEYS, _NUMBERS = {"from": "begin", "to": "end"}, ("p", "q", "v")
 #: What a replaced option begins with until all are, so that neighbours are joined.
 _ARGUMENT = "\0"
+_SAID_TWICE = re.compile(rf'{_ARGUMENT}(\w+)=("[^"]*") {_ARGUMENT}\1=("[^"]*")')
+_NEIGHBOURS = re.compile(rf'({_ARGUMENT}\w+=(?:"[^"]*"|[^\s"]*\w)) (?={_ARGUMENT})')
+_NUMBER = re.compile(r"-?[\d.]+")
 
 
 def in_python(sentence: str) -> str:
@@ -91,13 +94,15 @@ def in_python(sentence: str) -> str:
         if said[2] is None:
             return key
         value = _WITHOUT_MARKS.sub(r"\1", said[2])
-        is_plain = key in _NUMBERS or re.fullmatch(r"-?[\d.]+", value)
+        is_plain = key in _NUMBERS or _NUMBER.fullmatch(value)
         shown = value if is_plain else '"' + value.strip("\"'") + '"'
         return f"{_ARGUMENT}{key}={shown}{said[2][len(value) :]}"
 
     text = _OPTION.sub(argument, sentence)
-    text = re.sub(rf'{_ARGUMENT}(\w+)=("[^"]*") {_ARGUMENT}\1=("[^"]*")', r"\1=[\2, \3]", text)
-    text = re.sub(rf'({_ARGUMENT}\w+=(?:"[^"]*"|[^\s"]*\w)) (?={_ARGUMENT})', r"\1, ", text)
+    # functions in place of templates, for which the library imports a module: readers of hostile
+    # text, whose sentences these are, import nothing
+    text = _SAID_TWICE.sub(lambda said: f"{said[1]}=[{said[2]}, {said[3]}]", text)
+    text = _NEIGHBOURS.sub(lambda said: f"{said[1]}, ", text)
     return text.replace(_ARGUMENT, "")
 
 
