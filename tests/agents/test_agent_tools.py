@@ -432,6 +432,7 @@ def test_places_stay_those_of_the_diagnosis_that_was_told_while_its_edits_are_ev
     bench = Workbench(Logbook(Study(few), fit=BRIEF))
     ask(bench, "evaluate_program", program=NAIVE)
     told = ask(bench, "diagnose", step=0, count=3, place=0)
+    assert told["errors_are"] == "NRMSE"  # `few` has no noise to weigh by
     assert "program" not in told
     assert "with the program" not in told["next"]
     evaluated = [ask(bench, "evaluate_edit", step=0, place=place) for place in (1, 2, 1)]

@@ -32,6 +32,8 @@ from ibrid_search.screening.time_slices import TimeSlice, TimeSliceOver
 ROWS, RANKED, TRIED = 16, 8, 8
 #: Shipped diagrams that are listed.
 LISTED = 12
+#: What the errors of a diagnosis are where the noise is known.
+_WEIGHTED = "residuals in sigma times noise_leaves: what is measured well counts more than in NRMSE"
 #: Looks that are ranked for each that is told: different edits may lead to one structure.
 TWICE = 2
 
@@ -137,6 +139,7 @@ class Insight:
             "step": step,
             "step_error": floor.error_of(record),
             "noise_leaves": floor.level if floor.known else None,
+            "errors_are": _WEIGHTED if floor.known else "NRMSE",
         }
         with rankings.screener.time_slice(self.answer_within) as part:
             try:
