@@ -9,34 +9,19 @@ from functools import cache
 
 import numpy as np
 
-from ibrid.fit.just_in_time import njit
+from ibrid.fit.just_in_time import OPTIONS, njit
+from ibrid.fit.lane_response import (
+    MATRIX,
+    answer_place,
+    differentiate_in_lanes,
+    lane_workspace,
+    make_plan,
+    respond_in_lanes,
+)
+from ibrid.fit.lanes import LANES, PARTS, WIDTH, dot_matrices, multiply
 
 #: Stands for log(0): the model's entry is taken as 1e-12 of the measured one.
 LOG_OF_NOTHING = -27.6 + 0.0j
-
-
-def _nothing() -> None:
-    return None
-
-
-def _can_keep_compiled() -> bool:
-    """True when compiled code can be kept on disk; a read-only installation compiles anew in every
-    process.
-    """
-    try:
-        njit(cache=True)(_nothing)
-    except RuntimeError:
-        return False
-    return True
-
-
-#: Of `njit`, for every compiled loop.
-OPTIONS = {
-    "cache": _can_keep_compiled(),
-    "error_model": "numpy",
-    "fastmath": {"contract", "reassoc", "nsz"},
-    "nogil": True,
-}
 
 
 @njit(**OPTIONS)
@@ -311,24 +296,63 @@ def respond_with_derivatives(
 
 
 @njit(**OPTIONS)
-def _add_products(slope, residual, gradient, hessian):
-    """Add J'r to `gradient` (P,) and the lower triangle of J'J to `hessian` (P, P).
-
-    slope : J, (8, P). residual : r, (8,). The eight rows are written out, so that the compiler
-    takes neighbouring parameters at once.
+def _take_one_by_one(
+    values,
+    derivatives,
+    rows,
+    columns,
+    d_entry,
+    d_parameter,
+    delay_parameter,
+    delays,
+    s,
+    excitation,
+    parameters,
+    workspace,
+    space,
+):
+    """Y and its derivatives, of no `parameters` none, at each of s (LANES,) by itself into a
+    workspace of lanes; False where one is singular.
     """
-    for p in range(gradient.size):
-        j0, j1, j2, j3 = slope[0, p], slope[1, p], slope[2, p], slope[3, p]
-        j4, j5, j6, j7 = slope[4, p], slope[5, p], slope[6, p], slope[7, p]
-        for row in range(8):
-            gradient[p] += slope[row, p] * residual[row]
-        for q in range(p + 1):
-            hessian[p, q] += (
-                (j0 * slope[0, q] + j1 * slope[1, q])
-                + (j2 * slope[2, q] + j3 * slope[3, q])
-                + (j4 * slope[4, q] + j5 * slope[5, q])
-                + (j6 * slope[6, q] + j7 * slope[7, q])
+    _, pivots, _, _, y, _, dy = workspace
+    for lane in range(LANES):
+        if not _respond(
+            values, rows, columns, delays, s[lane], excitation[lane], parameters > 0, workspace
+        ):
+            return False
+        if parameters > 0:
+            _differentiate(
+                derivatives,
+                rows,
+                columns,
+                d_entry,
+                d_parameter,
+                delay_parameter,
+                delays,
+                s[lane],
+                workspace,
             )
+        for entry in range(4):
+            at = answer_place(entry, pivots.size) + lane
+            answered = y[entry // 2, entry % 2]
+            space.numbers[at], space.numbers[at + LANES] = answered.real, answered.imag
+            for p in range(parameters):
+                at = space.slopes + p * MATRIX + entry * WIDTH + lane
+                slope = dy[p, entry]
+                space.numbers[at], space.numbers[at + LANES] = slope.real, slope.imag
+    return True
+
+
+@njit(**OPTIONS)
+def _residual(model, measured, weight, logarithmic):
+    """weight (model - measured), or weight log(model / measured), and its slope by the model."""
+    if not logarithmic:
+        return weight * (model - measured), weight + 0.0j
+    if weight == 0.0:
+        return 0.0j, 0.0j
+    if model == 0.0:  # an entry that the structure does not couple: far off, and no slope helps
+        return weight * LOG_OF_NOTHING, 0.0j
+    return weight * np.log(model / measured), weight / model
 
 
 @njit(**OPTIONS)
@@ -351,84 +375,95 @@ def normal_equations(
     with_gradient,
     most,
     with_slopes,
+    plan,
 ):
     """Cost sum |r|^2, gradient J'r and Gauss-Newton matrix J'J of a batch at one operating point.
 
-    r = weight (Y - data), or weight log(Y / data) with `logarithmic`.
+    r = weight (Y - data), or weight log(Y / data) with `logarithmic`. `LANES` frequencies are taken
+    at once; where an excitation multiplies Y, or they cannot share pivots, one by one.
 
     values : (S, nz). derivatives : (S, nd). delays : (S, size). line : (K,) complex, rad/s. data,
     weight : (K, 2, 2).
     excitation : from `excited`; Y is multiplied by it. most : (S,), beyond which a cost is of no
-    interest.
+    interest. plan : of `make_plan`.
 
-    Returns costs (S,), gradients (S, P), matrices (S, P, P), r (S, K, 8), real and imaginary part
-    of each entry in turn, and J (S, K, 8, P), of no use unless `with_slopes`. The cost is infinite
-    where the model has no response, or it is of no interest.
+    Returns costs (S,), gradients (S, P), matrices (S, P, P), r (S, N) and J (S, P, N) of all real
+    and imaginary parts, in an order of their own that both share; J is of no use unless
+    `with_slopes`. The cost is infinite where the model has no response, or it is of no interest.
     """
-    batch = values.shape[0]
+    batch, number = values.shape[0], line.size
     cost = np.zeros(batch)
     gradient = np.zeros((batch, parameters))
     hessian = np.zeros((batch, parameters, parameters))
-    residuals = np.zeros((batch, line.size, 8))
-    slopes_kept = (batch, line.size) if with_slopes else (1, 1)
-    slopes = np.zeros((slopes_kept[0], slopes_kept[1], 8, parameters))
+    parts = -(-number // LANES) * MATRIX
+    residuals = np.zeros((batch, parts))
+    slopes = np.zeros((batch if with_slopes else 1, parameters, parts))
     workspace = _workspace(size, rows.size, parameters)
-    _, _, _, _, y, _, dy = workspace
+    space = lane_workspace(size, parameters)
+    numbers = space.numbers
+    # the last frequencies again, without weight, where a group is not full
+    taken = np.minimum(np.arange(-(-number // LANES) * LANES), number - 1)
+    s, excitations = line[taken], excitation[taken]
     for start in range(batch):
         total = 0.0
-        for index in range(line.size):
-            residual = residuals[start, index]
-            slope = slopes[start, index] if with_slopes else slopes[0, 0]
-            if not _respond(
+        for begin in range(0, number, LANES):
+            group = slice(begin, begin + LANES)
+            together = excitation.shape[1] == 0 and respond_in_lanes(
+                values[start], rows, columns, delays[start], s[group], with_gradient, plan, space
+            )
+            if together and with_gradient:
+                differentiate_in_lanes(
+                    derivatives[start], rows, columns, d_parameter, delay_parameter, plan, space
+                )
+            if not together and not _take_one_by_one(
                 values[start],
+                derivatives[start],
                 rows,
                 columns,
+                d_entry,
+                d_parameter,
+                delay_parameter,
                 delays[start],
-                line[index],
-                excitation[index],
-                with_gradient,
+                s[group],
+                excitations[group],
+                parameters,
                 workspace,
+                space,
             ):
                 total = np.inf
                 break
-            if with_gradient:
-                _differentiate(
-                    derivatives[start],
-                    rows,
-                    columns,
-                    d_entry,
-                    d_parameter,
-                    delay_parameter,
-                    delays[start],
-                    line[index],
-                    workspace,
-                )
             for entry in range(4):
                 a, b = entry // 2, entry % 2
-                w, measured, model = weight[index, a, b], data[index, a, b], y[a, b]
-                if logarithmic:
-                    if w == 0.0:
-                        r, factor = 0.0 + 0.0j, 0.0 + 0.0j
-                    elif (
-                        model == 0.0
-                    ):  # an entry that the structure does not couple: far off, and no slope helps
-                        r, factor = w * LOG_OF_NOTHING, 0.0 + 0.0j
-                    else:
-                        r, factor = w * np.log(model / measured), w / model
-                else:
-                    r, factor = w * (model - measured), w + 0.0j
-                residual[2 * entry], residual[2 * entry + 1] = r.real, r.imag
-                total += r.real * r.real + r.imag * r.imag
-                if with_gradient:
-                    for p in range(parameters):
-                        weighted = factor * dy[p, entry]
-                        slope[2 * entry, p] = weighted.real
-                        slope[2 * entry + 1, p] = weighted.imag
+                answered = answer_place(entry, size)
+                for lane in range(LANES):
+                    index = begin + lane
+                    r, factor = 0.0j, 0.0j
+                    if index < number:
+                        model = complex(numbers[answered + lane], numbers[answered + LANES + lane])
+                        r, factor = _residual(
+                            model, data[index, a, b], weight[index, a, b], logarithmic
+                        )
+                        total += r.real * r.real + r.imag * r.imag
+                    at = entry * WIDTH + lane
+                    numbers[space.residual + at] = r.real
+                    numbers[space.residual + at + LANES] = r.imag
+                    numbers[space.factor + at] = factor.real
+                    numbers[space.factor + at + LANES] = factor.imag
             if not total <= most[start]:
                 total = np.inf
                 break
-            if with_gradient:
-                _add_products(slope, residual, gradient[start], hessian[start])
+            own = slice(begin * PARTS, begin * PARTS + MATRIX)
+            residuals[start, own] = numbers[space.residual : space.residual + MATRIX]
+            for p in range(parameters):
+                slope = space.slopes + p * MATRIX
+                for place in range(0, MATRIX, WIDTH):
+                    multiply(numbers, slope + place, slope + place, space.factor + place)
+                gradient[start, p] += dot_matrices(numbers, slope, space.residual)
+                for q in range(p + 1):
+                    other = space.slopes + q * MATRIX
+                    hessian[start, p, q] += dot_matrices(numbers, slope, other)
+                if with_slopes:
+                    slopes[start, p, own] = numbers[slope : slope + MATRIX]
         cost[start] = total if np.isfinite(total) else np.inf
         for p in range(parameters):
             for q in range(p):
@@ -468,6 +503,7 @@ def load() -> None:
             with_gradient,
             np.ones(1),
             False,
+            make_plan(rows, rows, rows, 1),
         )
     answer(values[0], rows, rows, delays[0], line, excitation, 1)
     respond_with_derivatives(

@@ -15,6 +15,7 @@ import numpy as np
 
 from ibrid.assembly.symbolic import Pattern, SymbolicModel
 from ibrid.fit import kernel
+from ibrid.fit.lane_response import make_plan
 from ibrid.fit.least_squares import Points, carried
 from ibrid.fit.objective import Residual, residuals
 from ibrid.fit.thinning import representative_frequencies
@@ -83,8 +84,8 @@ class Coordinates:
         )
 
 
-#: Slopes of the residuals of one operating point by physical values, (8 K, P), and of those values
-#: by x, (P,).
+#: Slopes of the residuals of one operating point by physical values, (P, N), and of those values by
+#: x, (P,).
 ScaledSlopes: TypeAlias = tuple[np.ndarray, np.ndarray]
 
 
@@ -93,8 +94,9 @@ class NormalEquations:
     """Hold the costs of starts, and what their sums of squares are made of.
 
     cost : (S, M), squared error at each operating point; infinite where there is no response.
-    gradient, hessian : J'r (S, M, P) and J'J (S, M, P, P), by x. residuals : r (S, K, 8) of each
-    operating point. slopes : J of each start, by operating point. What was not asked for is empty.
+    gradient, hessian : J'r (S, M, P) and J'J (S, M, P, P), by x. residuals : r (S, N) of each
+    operating point. slopes : J (P, N) of each start, by operating point. What was not asked for is
+    empty.
     """
 
     cost: np.ndarray
@@ -142,6 +144,12 @@ class Problem:
         self.coordinates = Coordinates([one.parameter for one in self.numbers])
         self._set_data(points)
         values, derivatives = len(self.pattern.rows), len(self.pattern.derivative_entry)
+        self._plan = make_plan(
+            self.pattern.rows,
+            self.pattern.columns,
+            self.pattern.derivative_entry,
+            self.pattern.size,
+        )
         self._entries = _Caller(model.entries, len(model.parameters), (values, derivatives))
         self._values = _Caller(model.values_only, len(model.parameters), (values,))
         self.evaluations = 0
@@ -213,7 +221,7 @@ class Problem:
             for residual, index, (slope, scale) in zip(
                 equations.residuals, self.index, by_point, strict=True
             ):
-                product[start, index] += residual[start].ravel() @ slope * scale
+                product[start, index] += slope @ residual[start] * scale
         product[~np.isfinite(equations.cost.sum(axis=1))] = np.nan
         return product
 
@@ -271,6 +279,7 @@ class Problem:
                 derivatives,
                 np.full(starts, np.inf) if most is None else most - cost.sum(axis=1),
                 with_slopes,
+                self._plan,
             )
             cost[:, m] = part[0]
             residuals.append(part[3])
@@ -279,8 +288,7 @@ class Problem:
                 gradient[:, m, index] = part[1] * scale
                 hessian[:, m, row, column] = part[2] * scale[:, :, None] * scale[:, None, :]
                 if with_slopes:
-                    rows = part[4].reshape(starts, 8 * len(self.line[m]), local)
-                    slopes.append([*zip(rows, scale, strict=True)])
+                    slopes.append([*zip(part[4], scale, strict=True)])
             if held.any():
                 cost[:, m] += (held * (x - self.typical) ** 2).sum(axis=1)
                 if slope_all is not None:

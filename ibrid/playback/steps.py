@@ -17,8 +17,7 @@ the law itself.
 import numpy as np
 from scipy.integrate import DOP853, RK45
 
-from ibrid.fit.just_in_time import njit
-from ibrid.fit.kernel import OPTIONS
+from ibrid.fit.just_in_time import OPTIONS, njit
 
 Rule = tuple[np.ndarray, ...]
 #: Dormand and Prince's formulas: weights within a step, weights of the step, and times of the
