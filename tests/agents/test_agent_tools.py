@@ -432,7 +432,8 @@ def test_places_stay_those_of_the_diagnosis_that_was_told_while_its_edits_are_ev
     bench = Workbench(Logbook(Study(few), fit=BRIEF))
     ask(bench, "evaluate_program", program=NAIVE)
     told = ask(bench, "diagnose", step=0, count=3, place=0)
-    assert told["errors_are"] == "NRMSE"  # `few` has no noise to weigh by
+    assert told["errors_are"].startswith("NRMSE; ")  # `few` has no noise to weigh by
+    assert told["step_screened"] == pytest.approx(told["step_error"], rel=0.05)  # of all data there
     assert "program" not in told
     assert "with the program" not in told["next"]
     evaluated = [ask(bench, "evaluate_edit", step=0, place=place) for place in (1, 2, 1)]
@@ -440,6 +441,15 @@ def test_places_stay_those_of_the_diagnosis_that_was_told_while_its_edits_are_ev
         told["ranked"][place - 1]["edit"] for place in (1, 2, 1)
     ]
     assert evaluated[2]["same_as"] == 1
+
+
+def test_a_published_control_is_evaluated_by_its_name(few: Sweep):
+    bench = Workbench(Logbook(Study(replace(few, notes=("by name",))), fit=BRIEF))
+    by_name = ask(bench, "evaluate_program", name="naive")
+    assert by_name["status"] == "ok"
+    assert ask(bench, "evaluate_program", program=NAIVE)["same_as"] == by_name["step"]
+    for wrong in ({}, {"program": NAIVE, "name": "naive"}):
+        assert "give one" in ask(bench, "evaluate_program", **wrong)["error"]
 
 
 @pytest.mark.slow
@@ -506,7 +516,7 @@ def test_hostile_text_is_refused_by_every_tool_that_takes_a_program(bench: Workb
 @each_of(
     ("tool", "arguments", "words"),
     [
-        ("evaluate_program", {}, "lack 'program'"),
+        ("evaluate_program", {}, "takes a program or the name"),
         ("evaluate_program", {"program": 5}, "of type string, found 5"),
         ("evaluate_program", {"program": "x" * 5_000_000}, "at most 200000 characters"),
         ("evaluate_program", {"program": NAIVE, "settings": {"effort": "much"}}, "low"),

@@ -32,8 +32,9 @@ from ibrid_search.screening.time_slices import TimeSlice, TimeSliceOver
 ROWS, RANKED, TRIED = 16, 8, 8
 #: Shipped diagrams that are listed.
 LISTED = 12
-#: What the errors of a diagnosis are where the noise is known.
+#: What the errors of a diagnosis are: where the noise is known, and where it is not.
 _WEIGHTED = "residuals in sigma times noise_leaves: what is measured well counts more than in NRMSE"
+_SCREENED = "of a few descents on part of the data, as step_screened, to which they compare"
 #: Looks that are ranked for each that is told: different edits may lead to one structure.
 TWICE = 2
 
@@ -107,11 +108,11 @@ class Insight:
         others = [
             name for name in shipped_names() if name not in {one["name"] for one in ranked[:LISTED]}
         ]
-        then = (
-            f"read_diagram with name={ranked[0]['name']}, then {self.hand_in}"
-            if ranked
-            else "describe_vocabulary"
-        )
+        then = "describe_vocabulary"
+        if ranked and self.hand_in == "evaluate_program":
+            then = f"evaluate_program with name={ranked[0]['name']}"
+        elif ranked:
+            then = f"read_diagram with name={ranked[0]['name']}, then {self.hand_in}"
         return {"ranked": ranked[:LISTED], "others": ", ".join(others), "next": then}
 
     def read_diagram(self, name: str | None = None, step: int | None = None) -> PlainData:
@@ -135,11 +136,17 @@ class Insight:
         record = self.steps.record(step)
         rankings = rankings_for(self.study)
         floor = rankings.screener.criterion.floor
+        own = rankings.screener.screen_from_parent(
+            CandidateEdit(record.diagram, "", "", {}),
+            [record.parameters[name] for name in self.study.fitted.names],
+            quick=True,
+        )
         answer: PlainData = {
             "step": step,
             "step_error": floor.error_of(record),
+            "step_screened": own.error,
             "noise_leaves": floor.level if floor.known else None,
-            "errors_are": _WEIGHTED if floor.known else "NRMSE",
+            "errors_are": f"{_WEIGHTED if floor.known else 'NRMSE'}; {_SCREENED}",
         }
         with rankings.screener.time_slice(self.answer_within) as part:
             try:
@@ -165,7 +172,7 @@ class Insight:
                 "no edit that is new has a response near the values of this step; take another step"
             )
             return answer | {"why": why, "next": "list_best"}
-        if floor.error_of(record) <= min(look.error for look in ranked):
+        if own.error <= min(look.error for look in ranked):
             answer["nothing_gains"] = (
                 "no edit leaves less than the step itself: what it misses is not among them"
             )
@@ -245,7 +252,7 @@ class Insight:
                 except TimeSliceOver:
                     part.begin_stage(programs[len(answers) :])
                     return _so_far(part, answers, "try_programs")
-                answers.append(_told(replace(look, edit=edit)))
+                answers.append({"name": edit.diagram.name} | _told(replace(look, edit=edit)))
         return {"looks": answers, "next": f"{self.hand_in} with the best"}
 
     def _legal(self, text: str) -> Diagram:

@@ -10,6 +10,7 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.grade import Grade
 from ibrid.fit.settings import EFFORTS, FitSettings, fit_settings
 from ibrid.report.facts.verdict import graded, verdict
+from ibrid.structure.diagrams.library import shipped_names, textbook_text
 from ibrid.structure.diagrams.program import LONGEST_PROGRAM, program_text
 from ibrid.study import Study
 from ibrid.writing import PlainData
@@ -39,17 +40,27 @@ class Workbench(Tools):
             longest_program=LONGEST_PROGRAM,
             longest_reasons=LONGEST_REASONS,
             efforts=list(EFFORTS),
+            diagrams=list(shipped_names()),
         )
         return (*own, *self.reading)
 
     def evaluate_program(
         self,
-        program: str,
+        program: str | None = None,
         note: str = "",
         parent: int | None = None,
         settings: Mapping[str, Any] | None = None,
+        name: str | None = None,
     ) -> PlainData:
-        """How the step ended, and its record."""
+        """How the step of a program, or of the shipped diagram of that name, ended, and its
+        record.
+        """
+        if (program is None) == (name is None):
+            raise IbridError(
+                "evaluate_program takes a program or the name of a shipped diagram; give one"
+            )
+        if program is None:
+            program = textbook_text(str(name))
         best = self.logbook.best(1)
         study, fit = self._asked(settings or {})
         step = self.logbook.submit(program, note=note, parent=parent, study=study, fit=fit)
