@@ -8,10 +8,11 @@ import pytest
 from collecting import each_of
 from hypothesis import given
 from hypothesis import strategies as st
-from ibrid_search.run.run_folder import FREE, read_run_toml, require_same, run_toml
+from ibrid_search.run.run_folder import FREE, open_run, read_run_toml, require_same, run_toml
 from ibrid_search.settings import SearchSettings
 
 from ibrid.errors import IbridError
+from ibrid.own_files import writing_as
 
 OPTIONS = {
     "seed": 3,
@@ -159,3 +160,15 @@ def test_versions_may_change():
 
 def test_the_file_is_toml_for_anyone():
     assert tomllib.loads(run_toml(OPTIONS))["versions"]
+
+
+@each_of("text", ["seed = ", "seed = 4\n"])
+def test_a_folder_whose_run_file_is_broken_or_of_another_run_stays_as_it_is(tmp_path, text):
+    (tmp_path / "run.toml").write_text(text, encoding="utf-8")
+    with (
+        writing_as("mcp"),
+        pytest.raises(IbridError, match=r"run\.toml"),
+        open_run(tmp_path, OPTIONS, {}, resume=True),
+    ):
+        pass
+    assert [one.name for one in tmp_path.iterdir()] == ["run.toml"]

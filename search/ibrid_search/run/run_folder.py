@@ -58,6 +58,8 @@ def open_run(
     if not resume:
         require_no_run(folder)
     if exists:
+        if file.exists():  # refused before anything is written
+            require_same(read_run_toml(_text_of(file), str(file)), options, str(file))
         adopt_run(folder)
     beside_new = () if exists else TAKEN_AWAY
     # most of them are written at the end of the run, when it is too late to refuse
@@ -167,10 +169,12 @@ def make_folder(folder: Path) -> None:
 
 def _options_text(file: Path, store: Store) -> str:
     """The text of run.toml, or the copy in the store when the file is gone."""
+    return _text_of(file) if file.exists() else store.meta.get("settings", "")
+
+
+def _text_of(file: Path) -> str:
     try:
         return file.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        return store.meta.get("settings", "")
     except (OSError, UnicodeDecodeError):
         raise IbridError(
             f"{file}: must be a text that can be read; restore it, or start a new run"
