@@ -119,6 +119,16 @@ def test_a_question_takes_no_longer_than_it_may_in_all(monkeypatch):
     assert attempts.limits == [100.0, 39.0]
 
 
+def test_a_long_wait_is_said_and_a_short_one_is_not(monkeypatch, capsys):
+    for pause in (31_536_000.0, 1.0):
+        busy = Refusal("answered HTTP 429", again=True, pause=pause, status=429)
+        Attempts(monkeypatch, busy, seconds=1.0)
+        ask(timeout=300.0, within=100.0, retries=1, pause=0.0)
+        said = capsys.readouterr().err
+        expected = "small at http://127.0.0.1:1/v1 answered HTTP 429; asking again in 60 s\n"
+        assert said == (f"ibrid: the model {expected}" if pause > 60 else "")
+
+
 def test_a_server_that_is_late_is_asked_once_more(monkeypatch):
     attempts = Attempts(monkeypatch, LATE)
     ask(timeout=60.0, retries=4, pause=1.0)

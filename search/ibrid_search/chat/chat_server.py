@@ -13,6 +13,7 @@ from typing import Any
 
 from ibrid.errors import IbridError
 from ibrid.frozen import Frozen
+from ibrid.streams import complain
 from ibrid_search.blocks import strip_thinking
 from ibrid_search.chat.answer_forms import FORMS, TOOL, fields_of, form_of, refused
 from ibrid_search.chat.chat import (
@@ -40,6 +41,8 @@ OPENAI = "https://api.openai.com/v1"
 URL_FROM = ("OPENAI_BASE_URL", "OPENAI_API_BASE")
 #: Seconds between two attempts at most, also when the server asks for more.
 LONGEST_PAUSE = 60.0
+#: Seconds between two attempts from which on they are said.
+SAID_FROM = 5.0
 #: Seconds of an attempt at least, and changes of a request that a server does not understand.
 SHORTEST, MOST_ADAPTED = 0.05, 6
 #: Attempts after one that took all of its time.
@@ -279,8 +282,17 @@ class ChatServer(Frozen):
             most = min(self.retries, LATE) if reply.late else self.retries
             if not reply.again or spent or retries >= most or pause >= end - time.monotonic():
                 return reply, retries + adapted
+            if pause >= SAID_FROM:
+                complain(without_key(key, self._waiting(reply, pause)))
             time.sleep(pause)
             retries += 1
+
+    def _waiting(self, refusal: Refusal, pause: float) -> str:
+        """Why nothing happens for a while."""
+        return (
+            f"the model {self.model} at {self.url} {refusal.sentence}; asking again in "
+            f"{pause:.0f} s"
+        )
 
     def key(self) -> str:
         """What the environment holds now, "none" where it holds nothing; IbridError when that is no
