@@ -15,9 +15,9 @@ Made from the parser by `python docs/making/write_pages.py`; a test compares the
 **Exit status** 0: an answer was given, whatever it is (any verdict of `gap`, `check` of a legal
 program); 2: wrong input, with one sentence on standard error that says what must hold, what was
 found and what to try (also `check` of an illegal program); 3: a limit ended it early, results so
-far are kept; 130: Ctrl-C, results so far are kept; 1: anything else. `IBRID_DEBUG=1` shows the
-traceback of an unexpected error. Ctrl-C stops long work cleanly at any moment, and a search prints
-how to resume.
+far are kept; 130: Ctrl-C, also of `watch`, results so far are kept; 1: anything else.
+`IBRID_DEBUG=1` shows the traceback of an unexpected error. Ctrl-C stops long work cleanly at any
+moment, and a search prints how to resume.
 
 **Files** are written completely or not at all, and no input is ever replaced. A named output file
 (`--json fit.json`) is overwritten. In a folder (`--out DIR`) a command replaces files that it wrote

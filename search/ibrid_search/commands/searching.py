@@ -224,7 +224,7 @@ def run_mcp(arguments: Namespace) -> int:
 
 
 def run_watch(arguments: Namespace) -> int:
-    """Serve until Ctrl-C."""
+    """Serve until Ctrl-C, which ends this command as any other: status 130."""
     from ibrid.modules.vocabulary import choose_vocabulary
     from ibrid_search.watching import watch
 
@@ -235,7 +235,7 @@ def run_watch(arguments: Namespace) -> int:
         kinds,
         lambda url: print(f"{url} (Ctrl-C ends it)", flush=True),
     )
-    return 0
+    return INTERRUPTED
 
 
 def run_train(arguments: Namespace) -> int:
