@@ -8,6 +8,7 @@ command line reads its words here, too.
 import os
 from collections.abc import Callable, Collection, Mapping
 from contextlib import suppress
+from math import isfinite
 from pathlib import Path
 from typing import Any
 
@@ -155,8 +156,24 @@ def _answer_in(text: str) -> Mapping[str, Any] | None:
         content = json_in(text_in(Path(text)))
         schema = str(content.get("schema", "")) if isinstance(content, dict) else ""
         if schema.startswith("ibrid.") and not schema.startswith(_READ_OTHERWISE):
+            if not _is_finite(content):
+                raise IbridError(
+                    f"{text}: must hold finite numbers; found one that is none or beyond every "
+                    "float, write the answer again"
+                )
             return content
     return None
+
+
+def _is_finite(content: Any) -> bool:
+    """Whether all numbers in plain data are, however deep it is."""
+    left = [content]
+    while left:
+        one = left.pop()
+        if isinstance(one, float) and not isfinite(one):
+            return False
+        left += one.values() if isinstance(one, dict) else one if isinstance(one, list) else ()
+    return True
 
 
 #: Schemas of records and of models, which are read as such.

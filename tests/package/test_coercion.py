@@ -239,3 +239,11 @@ def test_sweeps_times_no_number_and_at_no_frequency_are_refused():
     ):
         with pytest.raises(SweepError, match="must"):
             refused()
+
+
+@pytest.mark.parametrize("number", ["9" * 6000, "1e999", "NaN"])
+def test_an_answer_with_a_number_beyond_all_floats_is_not_loaded(tmp_path: Path, number: str):
+    answer = tmp_path / "answer.json"
+    answer.write_text(f'{{"schema": "ibrid.drift/1", "nrmse": [{number}]}}', encoding="utf-8")
+    with pytest.raises(IbridError, match="must hold finite numbers"):
+        ibrid.load(answer)
