@@ -41,6 +41,18 @@ class FrozenList(list):
         return FrozenList, (list(self),)
 
 
+def sealed(array: np.ndarray) -> np.ndarray:
+    """A copy over bytes, which nothing makes writable again, in the order of C.
+
+    Elements that are Python objects have no bytes: their array is a view that is not writable.
+    """
+    if array.dtype.hasobject or not array.size:
+        array = array.view()
+        array.flags.writeable = False
+        return array
+    return np.frombuffer(array.tobytes(), array.dtype).reshape(array.shape)
+
+
 def frozen(value: Any) -> Any:
     """The same as mappings, sequences and arrays that cannot be changed; what is none of these
     stays as it is.
@@ -52,8 +64,7 @@ def frozen(value: Any) -> Any:
     if type(value) in (list, tuple):
         return (FrozenList if type(value) is list else tuple)(frozen(entry) for entry in value)
     if isinstance(value, np.ndarray) and value.flags.writeable:
-        value = value.view()
-        value.flags.writeable = False
+        return sealed(value)
     return value
 
 

@@ -1,6 +1,9 @@
 """The three kinds of signal that a port may carry; a connection joins ports of the same kind."""
 
 from enum import StrEnum
+from typing import NoReturn
+
+from ibrid.errors import IbridError, near
 
 
 class Signal(StrEnum):
@@ -11,6 +14,12 @@ class Signal(StrEnum):
     SCALAR = "scalar"
     DQ_VEC = "dq_vec"
     POWER_PAIR = "power_pair"
+
+    @classmethod
+    def _missing_(cls, value: object) -> NoReturn:
+        raise IbridError(
+            f"Signal must be the name of a kind of port, {near(value, cls)}; found {value!r:.40}"
+        )
 
     @property
     def width(self) -> int:

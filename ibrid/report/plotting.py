@@ -282,6 +282,7 @@ def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
     """Magnitude above phase of all four entries; or of one on (magnitude, phase) axes that are
     given.
     """
+    _require_entry(entry)
     if ax is not None:
         return on_axes(shown, ax, entry)
     with rc_context({"axes.grid": True, "font.size": 9}):
@@ -301,8 +302,7 @@ def _bode(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
 def on_axes(shown: Sequence[Curves], ax: Any, entry: str) -> Any:
     """Magnitude and phase of one entry, on two axes that are given."""
     pair = _two(ax, "magnitude and phase")
-    if entry not in ENTRIES:
-        raise IbridError(f"entry must be one of {', '.join(ENTRIES)}; found {entry!r}")
+    _require_entry(entry)
     draw_bode(pair, entry, shown)
     on_white(*pair)
     return ax
@@ -332,3 +332,9 @@ def on_white(*drawn: Artist) -> None:
                 if any(to_hex(one) in _COLOURS for one in colours):
                     new = [_COLOURS.get(to_hex(one), one) for one in colours]
                     write(new[0] if is_color_like(paint) else new)
+
+
+def _require_entry(entry: object) -> None:
+    """Raise IbridError for what is no entry of the admittance, also where all four are drawn."""
+    if not (isinstance(entry, str) and entry in ENTRIES):
+        raise IbridError(f"entry must be one of {', '.join(ENTRIES)}; found {entry!r:.60}")

@@ -352,3 +352,23 @@ MADE_WRONGLY: dict[str, Callable[[], object]] = {
 def test_public_values_of_wrong_kinds_are_refused_in_a_sentence(what: str):
     with pytest.raises(IbridError, match=r"must|is not in the sweep"):
         MADE_WRONGLY[what]()
+
+
+def test_arrays_of_measured_data_are_not_opened_again():
+    sweep = benchmark()
+    for one in (sweep, pickle.loads(pickle.dumps(sweep)), copy.deepcopy(sweep)):
+        for array in (one.points[0].frequency, one.points[0].admittance):
+            with pytest.raises(ValueError, match="WRITEABLE"):
+                array.setflags(write=True)
+
+
+@pytest.mark.parametrize("value", [0, None, "dq", 1.5])
+def test_a_signal_that_does_not_exist_is_a_sentence(value):
+    with pytest.raises(IbridError, match="must be the name of a kind of port"):
+        ibrid.Signal(value)
+
+
+@pytest.mark.parametrize("entry", ["zz", "", 0, None])
+def test_an_entry_that_does_not_exist_is_a_sentence_where_all_four_are_drawn_too(entry):
+    with pytest.raises(IbridError, match="entry must be"):
+        ibrid.plot(benchmark(), entry=entry)

@@ -18,7 +18,7 @@ from scipy.interpolate import CubicSpline, PchipInterpolator
 from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.foreign_text import show_controls
-from ibrid.frozen import Frozen, FrozenDict
+from ibrid.frozen import Frozen, FrozenDict, sealed
 from ibrid.measurement.estimators.correlation import noise_of_frames
 from ibrid.measurement.estimators.rebuilt import Rebuilt, rebuilt
 from ibrid.measurement.estimators.window import Window
@@ -127,8 +127,7 @@ class EventRecord(Frozen):
                 f"shape {value.shape}"
                 f"{'' if np.isfinite(value).all() else ' and NaN or infinity'}."
             )
-        value.flags.writeable = False
-        return value
+        return sealed(value)
 
     @property
     def name(self) -> str:

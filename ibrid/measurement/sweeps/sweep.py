@@ -19,7 +19,7 @@ import numpy as np
 from ibrid.border import methods_take_kinds, require_kinds
 from ibrid.errors import OperatingPointError, SweepError, near
 from ibrid.foreign_text import show_controls
-from ibrid.frozen import Frozen
+from ibrid.frozen import Frozen, sealed
 from ibrid.measurement.sweeps.masked import require_unmasked
 from ibrid.ranges import require_in_range
 from ibrid.showing import brief, made_above, shown
@@ -509,6 +509,4 @@ def _listed(names: Iterable[str]) -> list[str]:
 
 
 def _frozen(value: np.ndarray, kind: type) -> np.ndarray:
-    array = np.array(value, dtype=kind, order="C")
-    array.flags.writeable = False
-    return array
+    return sealed(np.asarray(value, dtype=kind))
