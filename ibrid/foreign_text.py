@@ -8,6 +8,7 @@ so that no reader of files has to remember it.
 
 import csv
 import io
+import os
 import re
 from collections.abc import Callable, Iterable, Mapping
 from functools import cache, wraps
@@ -23,6 +24,8 @@ ACTING = ("Cc", "Cf", "Cs", "Zl", "Zp")
 LONGEST_WORD = 300
 _PERHAPS = re.compile(r"[^\n\t -~]")
 _SURROGATE = re.compile("[\ud800-\udfff]")
+#: How a byte of a file name that is no text is written.
+_BYTE = re.compile(r"\\x([89a-f][0-9a-f])")
 #: What begins a formula in a spreadsheet; a sign before a number does not.
 _FORMULA = re.compile(r"\s*[=+\-@＝＋－＠]")
 #: Where one begins behind what parts cells in other countries; what stands there unless it is
@@ -55,6 +58,17 @@ def controls_shown(function: Callable[P, str]) -> Callable[P, str]:
 def show_surrogates(text: str) -> str:
     """The text with halves of surrogate pairs written as escapes, so that it can be encoded."""
     return _SURROGATE.sub(lambda found: _shown(found[0]), text)
+
+
+def place_shown(text: str) -> str:
+    """The name of a file from a text in which bytes that are no text were written as escapes, if
+    there is one; else the text.
+    """
+    if not os.path.isfile(text) and _BYTE.search(text):
+        named = _BYTE.sub(lambda found: chr(0xDC00 + int(found[1], 16)), text)
+        if os.path.isfile(named):
+            return named
+    return text
 
 
 def show_controls_within(content: Any, shown: Callable[[str], str] = show_controls) -> Any:

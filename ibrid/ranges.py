@@ -10,6 +10,9 @@ from typing import NamedTuple
 
 from ibrid.errors import SweepError
 
+#: Digits of a whole number that somebody writes: all of them are below 2**63.
+LONGEST_WHOLE = 18
+
 
 class Bounds(NamedTuple):
     """`unit` : as it is written behind a number, "" for none. `lower`, `upper` : included."""
@@ -59,6 +62,28 @@ LIMITS = {
     "scale": Bounds("", -1e12, 1e12),
     "peak": Bounds("per unit", 1e-9, 1.0),
 }
+
+
+def written_number(text: str) -> float:
+    """The number in a word of the user's, in plain decimal digits. Raises ValueError, also for 1_0
+    and for the digits of other scripts, which Python takes.
+    """
+    return float(_plain(text))
+
+
+def written_whole(text: str) -> int:
+    """The whole number in a word of the user's, as `written_number`, of at most `LONGEST_WHOLE`
+    digits.
+    """
+    if len(text) > LONGEST_WHOLE:
+        raise ValueError(f"more than {LONGEST_WHOLE} digits")
+    return int(_plain(text))
+
+
+def _plain(text: str) -> str:
+    if not text.isascii() or "_" in text:
+        raise ValueError("no plain decimal number")
+    return text
 
 
 def finite_number(value: object) -> float | None:

@@ -13,8 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from ibrid.arguments.places import exists, require_file
 from ibrid.errors import IbridError, SweepError
 from ibrid.foreign_data import json_in
+from ibrid.foreign_text import place_shown
 from ibrid.own_files import also_reading
-from ibrid.ranges import require_in_range
+from ibrid.ranges import LONGEST_WHOLE, require_in_range, written_number, written_whole
 from ibrid.streams import complain
 
 if TYPE_CHECKING:
@@ -348,43 +349,54 @@ def also_reading_data(whose: str, said: Mapping[str, Any]) -> None:
     """
     also_reading(
         {
-            f"{whose} {name}": place
+            f"{whose} {name}": place_shown(place)
             for name in ("data", "events")
             if isinstance(place := said.get(name), str)
         }
     )
 
 
-def _number(text: str, kind: type[Number], fits: Callable[[Number], bool], what: str) -> Number:
+def _number(
+    text: str, kind: Callable[[str], Number], fits: Callable[[Number], bool], what: str
+) -> Number:
     with suppress(ValueError):
         if fits(value := kind(text)):
             return value
-    raise ArgumentTypeError(f"must be {what}, found {text!r}")
+    short = f" of at most {LONGEST_WHOLE} digits" if kind is written_whole else ""
+    short = short if len(text) > LONGEST_WHOLE else ""
+    raise ArgumentTypeError(f"must be {what}{short}, found {text!r:.60}")
 
 
 def positive(text: str) -> float:
     """A positive finite number, for argparse."""
-    return _number(text, float, lambda value: 0 < value < inf, "a positive number")
+    return _number(text, written_number, lambda value: 0 < value < inf, "a positive number")
 
 
 def count(text: str) -> int:
     """A whole number from 1 on, for argparse."""
-    return _number(text, int, lambda value: value >= 1, "a whole number, 1 or more")
+    return _number(text, written_whole, lambda value: value >= 1, "a whole number, 1 or more")
 
 
 def natural(text: str) -> int:
     """A whole number from 0 on, for argparse."""
-    return _number(text, int, lambda value: value >= 0, "a whole number, 0 or more")
+    return _number(text, written_whole, lambda value: value >= 0, "a whole number, 0 or more")
+
+
+def bus(text: str) -> int:
+    """The number of a bus in a file of dynamic data, for argparse: PSS/E has six digits."""
+    return _number(text, written_whole, lambda value: 1 <= value < 10**6, "a bus, 1 to 999999")
 
 
 def tcp_port(text: str) -> int:
     """The number of a port, for argparse; 0 is any free one."""
-    return _number(text, int, lambda value: 0 <= value < 2**16, "the number of a port, 0 to 65535")
+    return _number(
+        text, written_whole, lambda value: 0 <= value < 2**16, "the number of a port, 0 to 65535"
+    )
 
 
 def finite(text: str) -> float:
     """A finite number, for argparse."""
-    return _number(text, float, isfinite, "a finite number")
+    return _number(text, written_number, isfinite, "a finite number")
 
 
 def field(text: str) -> tuple[str, Any]:
@@ -401,7 +413,7 @@ def field(text: str) -> tuple[str, Any]:
 def price(text: str) -> tuple[float, float]:
     """Prices of tokens in and out, for argparse."""
     try:
-        price_in, price_out = map(float, text.split(","))
+        price_in, price_out = map(written_number, text.split(","))
     except ValueError:
         price_in = price_out = -1.0
     if not (0 <= price_in < float("inf") and 0 <= price_out < float("inf")):
@@ -423,7 +435,7 @@ def overrides(settings: Iterable[str]) -> dict[str, float | str]:
         if name in values:
             raise IbridError(f"--set {name} is given twice; keep one")
         try:
-            values[name] = number = float(value)
+            values[name] = number = written_number(value)
         except ValueError:
             values[name] = value
             continue

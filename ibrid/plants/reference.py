@@ -21,6 +21,7 @@ from ibrid.plants.gfl import GFLParameters
 from ibrid.plants.gfm import GFMParameters
 from ibrid.plants.hybrid import HybridParameters
 from ibrid.plants.parallel import ParallelParameters
+from ibrid.ranges import written_number
 
 Parameters = GFLParameters | GFMParameters | HybridParameters | ParallelParameters
 
@@ -150,7 +151,7 @@ def _converted(name: str, value: float | str, words: Mapping[str, tuple[str, ...
             raise IbridError(f"{name} must be one of {', '.join(words[name])}; found {value}.")
         return value
     try:
-        return float(value)
+        return written_number(value) if isinstance(value, str) else float(value)
     except ValueError:
         raise IbridError(f"{name} must be a number; found {value}.") from None
 

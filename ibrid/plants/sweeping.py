@@ -20,7 +20,7 @@ from ibrid.measurement.sweeps.operating_points import operating_point as operati
 from ibrid.measurement.sweeps.sweep import OperatingPoint, PointSweep, Sweep
 from ibrid.plants.published import PLANTS
 from ibrid.plants.reference import ReferenceInverter
-from ibrid.ranges import require_in_range
+from ibrid.ranges import require_in_range, written_number, written_whole
 
 
 @methods_take_kinds
@@ -270,7 +270,8 @@ def frequency_grid(text: str) -> np.ndarray:
     form = "frequencies are written A:B:N, for instance 5:5000:16 for 16 points from 5 to 5000 Hz"
     parts = text.split(":")
     try:
-        low, high, count = float(parts[0]), float(parts[1]), int(parts[2])
+        low, high = written_number(parts[0]), written_number(parts[1])
+        count = written_whole(parts[2])
     except (ValueError, IndexError):
         raise SweepError(f"{form}; found {text!r}.") from None
     single = count == 1 and low == high

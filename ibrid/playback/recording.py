@@ -20,7 +20,7 @@ from ibrid.measurement.sweeps.sweep import OperatingPoint
 from ibrid.plants.reference import ReferenceInverter
 from ibrid.playback.player import FINE, fastest, run
 from ibrid.playback.tape import tape_of
-from ibrid.ranges import require_in_range
+from ibrid.ranges import require_in_range, written_number
 
 #: kind -> what its number means, and how long it lasts by default, s (None: to the end).
 KINDS: Mapping[str, tuple[str, float | None]] = {
@@ -315,7 +315,7 @@ def _edge(s: np.ndarray) -> np.ndarray:
 
 def _number(name: str, text: str, whole: str) -> float:
     try:
-        value = float(text)
+        value = written_number(text)
     except ValueError:
         value = float("nan")
     if not isfinite(value):

@@ -424,6 +424,21 @@ def test_a_report_without_its_data_says_so(
     path.write_text(json.dumps(moved), encoding="utf-8")
     assert cli.main(["report", str(path)]) == 0
     assert "--data" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform != "linux", reason="names of files are text there")
+def test_a_report_finds_data_whose_name_is_no_text(
+    record_file: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+):
+    data = tmp_path / os.fsdecode(b"m\xfcller.csv")
+    shutil.copy(benchmarks()["paper_like"], data)
+    said = json.loads(record_file.read_text())
+    said["settings"]["data"] = f"{tmp_path}/m\\xfcller.csv"  # as a record writes it
+    path = tmp_path / "fit.json"
+    path.write_text(json.dumps(said), encoding="utf-8")
+    assert cli.main(["report", str(path)]) == 0
+    assert capsys.readouterr().err == ""
     assert cli.main(["report", str(path), "--data", "paper_like"]) == 0
     assert capsys.readouterr().err == ""
 
@@ -495,6 +510,14 @@ WRONG = [
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--repeats", "3"], "noise_db"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--method", "magic"], "linear or time"),
     (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--seed", "-1"], "must be a whole number"),
+    (["evaluate", "gfl", "paper_like", "--seed", "1_0"], "must be a whole number"),
+    (["evaluate", "gfl", "paper_like", "--seed", "１０"], "must be a whole number"),
+    (["evaluate", "gfl", "paper_like", "--seed", "1" * 20], "of at most 18 digits"),
+    (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--set", "plant.L_F=0.1_0"], "a number"),
+    (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--freq", "1_0:100:9"], "written A:B:N"),
+    (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--freq", "5:100:٩"], "written A:B:N"),
+    (["sweep", "paper_like", "--out", "FOLDER/x.csv", "--op", "p=1_0,q=0"], "is not a number"),
+    (["generic", "paper_like", "--out", "g", "--bus", "9" * 20], "must be a bus, 1 to 999999"),
     (["evaluate", "gfl"], "DATA"),
     (["evaluate", "gfl", "paper_like", "--parameters", "sharde"], "did you mean shared"),
     (["evaluate", "gfl", "paper_like", "--equilibrium", "papr"], "did you mean paper"),

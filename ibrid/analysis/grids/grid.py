@@ -11,7 +11,7 @@ from scipy.interpolate import PchipInterpolator
 from ibrid.errors import IbridError
 from ibrid.frozen import Frozen
 from ibrid.measurement.sweeps.sweep import Sweep
-from ibrid.ranges import require_in_range
+from ibrid.ranges import require_in_range, written_number, written_whole
 
 J = np.array([[0.0, -1.0], [1.0, 0.0]])
 SCR_FORM = "short-circuit ratios are written 1.5:10, 1.5:10:20 for 20 of them, or 3 for one"
@@ -170,8 +170,8 @@ def ratios(text: str) -> np.ndarray:
     """
     parts = text.split(":", 2)
     try:
-        ends = [float(one) for one in parts[:2]]
-        count = int(parts[2]) if len(parts) == 3 else RATIOS
+        ends = [written_number(one) for one in parts[:2]]
+        count = written_whole(parts[2]) if len(parts) == 3 else RATIOS
     except ValueError:
         raise IbridError(f"{SCR_FORM}; found {text!r}") from None
     for one in ends:
@@ -200,7 +200,7 @@ def series_rl(text: str, omega_0: float) -> SeriesRL:
         if key in values:
             raise IbridError(f"{RL_FORM}, each once; found {text!r}")
         try:
-            values[key] = float(number)
+            values[key] = written_number(number)
         except ValueError:
             raise IbridError(f"{RL_FORM}; found {text!r}") from None
     if set(values) != {"r", "x"}:

@@ -13,6 +13,7 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.grade import judged_points
 from ibrid.evaluation.record import Record
+from ibrid.foreign_text import place_shown
 from ibrid.frozen import Frozen
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
@@ -93,7 +94,7 @@ def residuals(record: Record, sweep: Sweep | None = None) -> Residuals:
     Raises IbridError where the data are not there or lack the fitted operating points.
     """
     if sweep is None:
-        place = str(record.settings.get("data") or "")
+        place = place_shown(str(record.settings.get("data") or ""))
         if not place:
             raise IbridError("the record does not say where its data are; give the sweep")
         sweep = read_sweep(place)

@@ -5,6 +5,7 @@ from math import isfinite
 from ibrid.border import takes_kinds
 from ibrid.errors import OperatingPointError
 from ibrid.measurement.sweeps.sweep import OperatingPoint
+from ibrid.ranges import written_number
 
 
 @takes_kinds
@@ -22,7 +23,7 @@ def operating_point(text: str) -> OperatingPoint:
         if not mark or key not in ("p", "q", "v") or key in values:
             raise OperatingPointError(f"{form}; found {text!r}.")
         try:
-            values[key] = float(number)
+            values[key] = written_number(number)
         except ValueError:
             raise OperatingPointError(f"{form}; {number!r} is not a number.") from None
     if not {"p", "q"} <= set(values):

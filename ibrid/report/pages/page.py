@@ -12,6 +12,7 @@ from ibrid.border import takes_kinds
 from ibrid.errors import IbridError
 from ibrid.evaluation.errors_by_part import nrmse
 from ibrid.evaluation.record import Record
+from ibrid.foreign_text import place_shown
 from ibrid.measurement.quality.sequence_view import sequence_view
 from ibrid.measurement.read import read_sweep
 from ibrid.measurement.read_events import read_events
@@ -177,7 +178,7 @@ def measured_data(record: Record, sweep: Sweep | None) -> tuple[Sweep | None, st
     if sweep is None and record.nrmse_by_record and not record.nrmse_by_part:
         return None, ""  # records of events alone: nothing was swept
     if sweep is None:
-        path = str(record.settings.get("data") or "")
+        path = place_shown(str(record.settings.get("data") or ""))
         if not isfile(path):  # unlike a Path it bears any text
             missing = (
                 f"the data file {path} is not there"
@@ -207,7 +208,7 @@ def measured_events(record: Record, events: Events | None) -> tuple[Events | Non
             else "The record was not fitted to records of events; they are left out.",
         )
     if events is None:
-        path = str(record.settings.get("events") or "")
+        path = place_shown(str(record.settings.get("events") or ""))
         if not isfile(path):
             return (
                 None,
