@@ -7,6 +7,7 @@ from fitted import benchmark, drawn, problem_of
 
 import ibrid
 from ibrid.fit import kernel
+from ibrid.fit.lane_response import make_plan
 from ibrid.fit.least_squares import Points
 from ibrid.fit.problem import Coordinates, Misfit
 from ibrid.structure.reading.parameters import Parameter
@@ -63,8 +64,37 @@ def test_pivoting_copes_with_a_zero_diagonal_in_the_worst_order():
     matrix[n:, :n] = np.random.default_rng(1).normal(size=(2, n))
     rows, columns = np.nonzero(matrix)
     lags, omega = np.full(n, -1.0), np.array([0.0, 1e-12, 3.0])
+    wanted = dense_response(matrix, lags, omega)
     found = kernel.respond(matrix[rows, columns], rows, columns, lags, omega, n)
-    np.testing.assert_allclose(found, dense_response(matrix, lags, omega), rtol=1e-12)
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+    assert cost_of(matrix[rows, columns], rows, columns, lags, omega, wanted) < 1e-23
+
+
+def cost_of(values, rows, columns, lags, omega, data) -> float:
+    """Squared relative error of a model, of whose frequencies several are taken at once."""
+    none, line = np.zeros(0, dtype=np.int64), 1j * omega
+    cost, *_ = kernel.normal_equations(
+        values[None],
+        np.zeros((1, 0)),
+        rows,
+        columns,
+        none,
+        none,
+        np.full(len(lags), -1, dtype=np.int64),
+        lags[None],
+        line,
+        kernel.excited(None, line),
+        data,
+        1 / np.abs(data),
+        False,
+        len(lags),
+        0,
+        False,
+        np.full(1, np.inf),
+        False,
+        make_plan(rows, columns, none, len(lags)),
+    )
+    return float(cost[0])
 
 
 def test_pivots_of_very_different_size_lose_no_accuracy():
@@ -73,8 +103,10 @@ def test_pivots_of_very_different_size_lose_no_accuracy():
     )
     rows, columns = np.nonzero(matrix)
     lags, omega = np.full(2, -1.0), np.array([1e-9])
+    wanted = dense_response(matrix, lags, omega)
     found = kernel.respond(matrix[rows, columns], rows, columns, lags, omega, 2)
-    np.testing.assert_allclose(found, dense_response(matrix, lags, omega), rtol=1e-12)
+    np.testing.assert_allclose(found, wanted, rtol=1e-12)
+    assert cost_of(matrix[rows, columns], rows, columns, lags, omega, wanted) < 1e-23
 
 
 @pytest.mark.parametrize("bad", [np.nan, 0.0])
@@ -85,28 +117,7 @@ def test_a_singular_or_unreal_model_has_no_response_and_an_infinite_cost(bad):
     lags, omega = np.full(1, -1.0), np.array([0.0])
     found = kernel.respond(values, rows, columns, lags, omega, 1)
     assert not np.isfinite(found).any()
-    nothing = np.zeros(0, dtype=np.int64)
-    cost, *_ = kernel.normal_equations(
-        values[None],
-        np.zeros((1, 0)),
-        rows,
-        columns,
-        nothing,
-        nothing,
-        np.full(1, -1, dtype=np.int64),
-        lags[None],
-        1j * omega,
-        kernel.excited(None, omega),
-        np.ones((1, 2, 2), complex),
-        np.ones((1, 2, 2)),
-        True,
-        1,
-        0,
-        True,
-        np.full(1, np.inf),
-        True,
-    )
-    assert cost[0] == np.inf
+    assert cost_of(values, rows, columns, lags, omega, np.ones((1, 2, 2), complex)) == np.inf
 
 
 @pytest.mark.slow
