@@ -26,17 +26,15 @@ from ibrid.measurement.importing.numbers.decimal_mark import (
 )
 from ibrid.measurement.importing.numbers.number_format import UNSAID, NumberFormat
 from ibrid.measurement.importing.numbers.polar_cells import SIGNS, largest_angle, spice_number
+from ibrid.measurement.importing.shapes.stacks import matrix_and_part, ports_of, with_ports
 from ibrid.measurement.importing.timed.signal_names import size_of
 
 _SEPARATORS = (";", "\t", ",", "|", None)
 _COMMA = re.compile(r"\d,\d")
-#: Ports of a matrix that is told apart from a table of numbers.
-MOST_PORTS = 8
 #: A number with a decimal comma in quotes, between commas that part cells.
 _QUOTED_COMMA = re.compile(r'"\s*[-+]?\d+,\d+(?:[eE][-+]?\d+)?\s*"')
-#: Names of arrays that hold a part of a matrix: Y_re, Zphase; re_Y, abs(Z).
-_PART_LAST = re.compile(r"(?P<matrix>.+?)_?(?P<part>[A-Za-z]+)")
-_PART_FIRST = re.compile(r"(?P<part>[a-zA-Z]+?)[_(]?(?P<matrix>[YZ]\w*)\)?")
+#: Names of arrays of matrices that say no more than that.
+_PLAIN_MATRIX = re.compile("(dq0?|matrix|matrices)_?(matrix|frame)?", re.IGNORECASE)
 _MARKS = re.compile(r"(?<!\s)\s*(?:#|%|!|//|\*+\s)")
 #: More columns than any sweep has.
 MOST_COLUMNS = 400
@@ -620,9 +618,11 @@ def array_table(
         )
     require_plain_responses(arrays, where)
     length = _length(numeric)
-    columns: dict[str, np.ndarray] = {}
+    columns, used, remarks = with_ports(numeric, length)
     numbered: set[str] = set()
     for name, value in numeric.items():
+        if name in used:
+            continue
         shape = value.shape
         squeezed = value.squeeze()
         if value.size == length:
@@ -638,10 +638,11 @@ def array_table(
                 )
             first = squeezed.shape[0] == length != 2
             matrix = squeezed if first else np.moveaxis(squeezed, -1, 0)
-            base, part = _matrix_and_part(name)
+            base, part = matrix_and_part(name)
+            base = "" if _PLAIN_MATRIX.fullmatch(base) else base
             for row, column in np.ndindex(2, 2):
                 columns[f"{base}({row + 1},{column + 1}){part}"] = matrix[:, row, column]
-        elif squeezed.ndim == 3 and (ports := _ports_of(squeezed.shape)):
+        elif squeezed.ndim == 3 and (ports := ports_of(squeezed.shape)):
             raise SweepError(
                 f"{where}: {name} is {ports}x{ports} at each frequency; save the 2x2 block of d "
                 "and q at the device's terminal, such as Y(1:2,1:2,:), of an impedance that of its "
@@ -678,29 +679,9 @@ def array_table(
     ]
     single = [note[:LONGEST_NOTE] for note in single]
     by_number = frozenset(short[name] for name in numbered)
-    table = ForeignTable(
-        where, stem, columns, np.arange(1, length + 1), tuple(single), numbered=by_number
-    )
+    line, notes = np.arange(1, length + 1), tuple(single)
+    table = ForeignTable(where, stem, columns, line, notes, remarks=remarks, numbered=by_number)
     return replace(table, polar_angle=_polar_angle_of_text(held, table, form))
-
-
-def _ports_of(shape: tuple[int, ...]) -> int:
-    """How many ports the matrices of a stack have, where they are more than two; else 0."""
-    first, middle, last = shape
-    if first == middle and 2 < first <= MOST_PORTS:
-        return first
-    return middle if middle == last and 2 < middle <= MOST_PORTS else 0
-
-
-def _matrix_and_part(name: str) -> tuple[str, str]:
-    """The name of a matrix, and the part of it that an array of the name Y_re or imag_Z holds, with
-    an underscore before it; "" where it holds all.
-    """
-    for pattern in (_PART_LAST, _PART_FIRST):
-        words = pattern.fullmatch(name)
-        if words and meaning_of(words["part"]).role in ("re", "im", "mag", "phase"):
-            return words["matrix"], f"_{words['part']}"
-    return name, ""
 
 
 def _length(numeric: Mapping[str, np.ndarray]) -> int:

@@ -30,6 +30,8 @@ from ibrid.measurement.importing.numbers.percent import scaled_once, shown_besid
 from ibrid.measurement.importing.shapes.parts_of_text import blocks_of, labview_named
 
 _HDF5 = b"\x89HDF"
+#: Lists in lists, of JSON.
+_NESTED = re.compile(rb"\[\s*+\[")
 #: How a file begins, or how its name ends: what reads it, and what it must be.
 _MAKES = {
     _HDF5: (hdf5_arrays, "an HDF5 file"),
@@ -74,6 +76,10 @@ def read_tables(
         models := state_space_tables(json_model(content), where, whole, at)
     ):
         return models
+    if made[0] is binary.json_cells and _NESTED.search(content):
+        stacks = guarded(binary.json_stacks, content, f"{where} must be {made[1]}")
+        if stacks:
+            return _of_arrays(stacks, where, whole, False, form)
     sheets = guarded(made[0], content, f"{where} must be {made[1]}")
     if made[0].__name__.endswith("_arrays"):
         refuse_objects(sheets, where)
@@ -181,16 +187,17 @@ def _of_arrays(
             for n, v in arrays.items()
             if n.startswith(f"{element}.") or not n.startswith(others)
         }
-        tables.append(
-            array_table(
-                own,
-                f"{where} {element}".strip(),
-                f"{stem}_{element}".strip("_"),
-                of_matlab=of_matlab,
-                form=form,
-            )
-        )
-    return tables
+        place, named = f"{where} {element}".strip(), f"{stem}_{element}".strip("_")
+        table = array_table(own, place, named, of_matlab=of_matlab, form=form)
+        tables.append(replace(table, op=_op_of(own) if len(elements) > 1 else ""))
+    several = len({table.op for table in tables}) == len(tables)
+    return tables if several else [replace(table, op="") for table in tables]
+
+
+def _op_of(arrays: dict[str, np.ndarray]) -> str:
+    """The name of the operating point among arrays of an element; "" where there is none."""
+    texts = {n.rpartition(".")[2]: str(v.ravel()[0]) for n, v in arrays.items() if v.size == 1}
+    return next((text for name, text in texts.items() if meaning_of(name).role == "op"), "")
 
 
 def _groups_alike(arrays: dict[str, np.ndarray]) -> list[str]:

@@ -172,6 +172,65 @@ def json_cells(content: bytes) -> dict[str, np.ndarray]:
     return {name: _as_text(_with_comments({**beside, **one})) for name, one in tables.items()}
 
 
+def json_stacks(content: bytes) -> dict[str, np.ndarray]:
+    """Arrays by their paths, where one of them is a matrix at each frequency in nested lists; else
+    none. Operating points in a list are elements, as of a structure array.
+    """
+    arrays = {}
+    for path, value in _by_path(_parts_joined(json_in(content))):
+        try:
+            array = np.asarray(value)
+            array = array.astype(float) if array.dtype.kind == "O" else array
+        except (ValueError, TypeError):
+            raise ValueError(f"{path[:40]!r} must hold numbers in lists of one length") from None
+        if array.ndim == 4 and array.shape[-1] == 2:
+            array = array[..., 0] + 1j * array[..., 1]
+        arrays[path] = array
+    return arrays if any(array.ndim == 3 for array in arrays.values()) else {}
+
+
+def _parts_joined(held: Any) -> Any:
+    """Complex numbers in place of {"re": 1, "im": 2}, and lists by name in place of records at one
+    frequency each.
+    """
+    if isinstance(held, list):
+        held = [_parts_joined(one) for one in held]
+        rows = bool(held) and all(isinstance(one, dict) for one in held)
+        return _turned(held) if rows and _is_row(held[0]) else held
+    if not isinstance(held, dict):
+        return held
+    held = {name: _parts_joined(one) for name, one in held.items()}
+    numbers = {meaning_of(name).role: one for name, one in held.items() if _is_number(one)}
+    if len(held) == 2 and numbers.keys() == {"re", "im"}:
+        return complex(numbers["re"], numbers["im"])
+    return held
+
+
+def _turned(records: list[Any]) -> dict[str, Any]:
+    """Lists by name, at any depth, of records with the same names."""
+    columns = {name: [one.get(name) for one in records] for name in records[0]}
+    return {
+        name: _turned(column) if all(isinstance(one, dict) for one in column) else column
+        for name, column in columns.items()
+    }
+
+
+def _by_path(held: Any, path: str = "") -> Iterator[tuple[str, Any]]:
+    """Values and lists with their paths: Y_dd_re of {"Y": {"dd": {"re": [..]}}}, data.freq of
+    {"data": {"freq": [..]}}, op(1).p of {"op": [{"p": 1}]}.
+    """
+    if isinstance(held, dict):
+        for name, value in held.items():
+            known = isinstance(value, dict) and any(meaning_of(f"{name}_{n}").role for n in value)
+            mark = "" if not isinstance(value, dict) else "_" if known else "."
+            yield from _by_path(value, path + name + mark)
+    elif isinstance(held, list) and held and all(isinstance(one, dict) for one in held):
+        for number, one in enumerate(held, 1):
+            yield from _by_path(one, f"{path}({number}).")
+    else:
+        yield path, held
+
+
 def _points_by_name(held: Any) -> Any:
     """Tables that stand in a list, alone or under one name, by their own names or numbers."""
     if isinstance(held, dict):
@@ -194,9 +253,18 @@ def _is_table(value: Any) -> bool:
     """Whether an object holds lists of its own, more than the two parts of an entry."""
     if not isinstance(value, dict):
         return False
-    if any(isinstance(value[key], int | float) for key in value if _is_frequency(key)):
-        return False  # a row of its own
-    return sum(isinstance(one, list | dict) for one in value.values()) > 2
+    if _is_row(value):
+        return False
+    return sum(isinstance(one, list | dict) for one in _lists_within("", value).values()) > 2
+
+
+def _is_row(value: dict[str, Any]) -> bool:
+    """Whether an object is what was measured at one frequency."""
+    return any(_is_number(value[key]) for key in value if _is_frequency(key))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float)
 
 
 def _with_comments(held: dict[str, Any]) -> list[Any]:
@@ -229,7 +297,8 @@ def _lists_within(name: str, value: dict[str, Any]) -> dict[str, Any]:
     """The parts of an object that holds lists at any depth, Y_dd_re of {"dd": {"re": [..]}}, else
     nothing; those of one with frequencies, which wraps a sweep, under their own names.
     """
-    before = "" if any(map(_is_frequency, value)) else f"{name}_"
+    known = any(meaning_of(f"{name}_{key}").role or not meaning_of(key).role for key in value)
+    before = f"{name}_" if known and not any(map(_is_frequency, value)) else ""
     parts: dict[str, Any] = {}
     for key, part in value.items():
         inner = _lists_within(before + key, part) if isinstance(part, dict) else {}

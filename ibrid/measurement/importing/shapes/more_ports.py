@@ -15,7 +15,7 @@ from ibrid.errors import SweepError
 from ibrid.measurement.importing.column_words import letters_of, unit_of, without_unit
 from ibrid.measurement.importing.foreign_table import ForeignTable
 
-_PORT = "(?:dc|d|q)[1-9]?"
+_PORT = "(?:dc|d|q)[1-9]?|x[3-8]"
 _PART = "re|real|im|imag"
 _NAMED = re.compile(
     f"(?P<before>{_PART})?(?P<letter>[yz])(?P<row>{_PORT})(?P<column>{_PORT})(?P<behind>{_PART}|r|i)?"
