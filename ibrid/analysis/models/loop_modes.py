@@ -28,14 +28,16 @@ _SHARE = 0.05
 class LoopMode(Frozen):
     """A loop on an ideal grid, all others closed.
 
-    `regulator` : module. `gains` : its parameters. `bandwidth` : the first frequency (Hz) at which
-    |L| falls through 1, None where it does not. `phase_margin` : degrees there. `damping` : -Re p /
-    |p| of the mode of its states next to that frequency.
+    `regulator` : module. `gains` : its parameters. `units` : theirs, "pu" for what has none.
+    `bandwidth` : the first frequency (Hz) at which |L| falls through 1, None where it does not.
+    `phase_margin` : degrees there. `damping` : -Re p / |p| of the mode of its states next to that
+    frequency.
     """
 
     loop: str
     regulator: str
     gains: Mapping[str, float]
+    units: Mapping[str, str]
     bandwidth: float | None
     phase_margin: float | None
     damping: float | None
@@ -60,12 +62,21 @@ def loop_modes(record: Record) -> tuple[LoopMode, ...]:
             gains = {
                 one: float(table.value(name, one, record.parameters[op])) for one in kind.parameters
             }
+            units = {key: _unit(box.unit) for key, box in kind.parameters.items()}
             cut = np.linalg.eigvals(np.array(record.state_space(op, cut=name).A))
             axes = 2 if next(iter(kind.outputs.values())).width == 2 else 1
             bandwidth, margin = _crossover(shares.poles, cut, axes)
             own = [k for k, state in enumerate(model.states) if state.startswith(f"{name}.")]
             rows.append(
-                LoopMode(title, name, gains, bandwidth, margin, _damping(shares, own, bandwidth))
+                LoopMode(
+                    title,
+                    name,
+                    gains,
+                    units,
+                    bandwidth,
+                    margin,
+                    _damping(shares, own, bandwidth),
+                )
             )
     return tuple(rows)
 
@@ -76,6 +87,11 @@ def loops_told(record: Record) -> tuple[LoopMode, ...]:
         return loop_modes(record)
     except IbridError:
         return ()
+
+
+def _unit(unit: str) -> str:
+    """Units of gains between per-unit signals have no name of their own: 1 is pu, 1/s pu/s."""
+    return {"1": "pu", "1/s": "pu/s"}.get(unit, unit)
 
 
 def _crossover(closed: np.ndarray, cut: np.ndarray, axes: int) -> tuple[float | None, float | None]:

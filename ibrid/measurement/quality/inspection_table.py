@@ -10,7 +10,7 @@ from ibrid.border import takes_kinds
 from ibrid.foreign_text import controls_shown
 from ibrid.measurement.quality.event_inspection import EventsInspection, RecordInspection
 from ibrid.measurement.quality.inspect import Inspection, PointInspection
-from ibrid.measurement.sweeps.quantities import band, counted, hertz, percent
+from ibrid.measurement.sweeps.quantities import band, counted, hertz, percent, set_point
 from ibrid.writing import aligned
 
 _WIDTH = 100
@@ -59,7 +59,7 @@ def _point_rows(
 ) -> Iterator[tuple[str, list[str]]]:
     """A label, and a cell for each operating point."""
     yield "", [point.op.name for point in points]
-    yield "p, q, v", [f"{point.op.p:g}, {point.op.q:g}, {point.op.v:g}" for point in points]
+    yield "p, q, v", [", ".join(map(set_point, point.op.pqv)) for point in points]
     yield "points", [f"{point.points}, {point.points_per_decade:.0f} a decade" for point in points]
     yield "range", [band(point.lowest, point.highest) for point in points]
     yield (

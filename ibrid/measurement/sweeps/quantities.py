@@ -33,6 +33,15 @@ def engineering(value: float, unit: str) -> str:
     return f"{_digits(value)} {unit}"
 
 
+#: Per unit; what is smaller is what a solver or a filter left of zero.
+SMALLEST_SET_POINT = 1e-6
+
+
+def set_point(value: float) -> str:
+    """One of p, q and v per unit with six significant digits, 0 for the rounding of a zero."""
+    return "0" if abs(value) < SMALLEST_SET_POINT else f"{value:g}"
+
+
 def percent(value: float) -> str:
     """Two significant digits."""
     return f"{float(f'{100 * value:.2g}'):g} %"

@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from hashlib import file_digest
+from hashlib import file_digest, sha256
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -25,8 +25,8 @@ MOST_FILES = 12
 
 @dataclass(frozen=True)
 class FileRead:
-    """What the command calls a file, its name, and the first 16 digits of its SHA-256; "" where it
-    was changed since it was read.
+    """What the command calls a file, its name, and its SHA-256; "" where it was changed since it
+    was read.
     """
 
     called: str
@@ -36,26 +36,41 @@ class FileRead:
 
 @dataclass(frozen=True)
 class Evidence:
-    """command : "" where no command is at work, as in Python."""
+    """command : "" where no command is at work, as in Python. more_files : how many are not listed.
+    model : SHA-256 of the program text of the model that the page shows, "" without one.
+    """
 
     version: str
     command: str
     files: tuple[FileRead, ...]
+    more_files: int
+    model: str
 
 
-def evidence_now() -> Evidence:
-    """What the command at work has read so far."""
+def evidence_now(program: str = "") -> Evidence:
+    """What the command at work has read so far, and the hash of the model's program."""
     words, inputs = command_at_work()
-    files = {}
+    files: dict[Path, FileRead] = {}
+    not_listed = set()
     for called, place in sorted(inputs.items()):
         path = Path(place)
-        if path.absolute() not in files and len(files) < MOST_FILES:
+        if path.absolute() in files:
+            continue
+        if len(files) == MOST_FILES:
+            not_listed.add(path.absolute())
+        else:
             with suppress(OSError), path.open("rb") as stream:
                 digest = file_digest(stream, "sha256").hexdigest()
                 if changed_since_read(path):
                     digest = ""
-                files[path.absolute()] = FileRead(called, path.name, digest[:16])
-    return Evidence(_version(), command_line(words), tuple(files.values()))
+                files[path.absolute()] = FileRead(called, path.name, digest)
+    return Evidence(
+        _version(),
+        command_line(words),
+        tuple(files.values()),
+        len(not_listed),
+        sha256(program.encode()).hexdigest() if program else "",
+    )
 
 
 def command_line(words: Sequence[str]) -> str:

@@ -12,6 +12,7 @@ from ibrid.evaluation.record import Record
 from ibrid.gap.ports.port_map import PortFit
 from ibrid.gap.results.gap import Gap, LocatedMisfit
 from ibrid.measurement.sweeps.quantities import hertz, span
+from ibrid.report.facts.bands import measured_band
 from ibrid.report.facts.verdict import graded
 from ibrid.report.look.numbers import error, number, percent
 
@@ -72,7 +73,7 @@ def left_by_record(record: Record) -> LeftOver | None:
         LeftPlace(
             part["op"],
             part["entry"],
-            _band_words(part["band"]),
+            _band_words(record, part["band"]),
             record.nrmse_by_part.get(part["op"], {}).get(part["band"], {}).get(part["entry"]),
             None,
             part["z"],
@@ -136,19 +137,18 @@ def _amount(chi2_per_dof: float | None, source: str) -> str:
     )
 
 
-def _band_words(band: str) -> str:
-    low, high = map(float, band.split("-"))
-    return span(low, high)
+def _band_words(record: Record, band: str) -> str:
+    return span(*measured_band(record, band))
 
 
 def _loops_there(record: Record, bands: Sequence[str]) -> Iterator[str]:
     """Loops whose bandwidth lies where something is left, band by band."""
     loops = [loop for loop in loops_told(record) if loop.bandwidth is not None]
     for band in bands[:NAMED]:
-        low, high = map(float, band.split("-"))
+        low, high = measured_band(record, band)
         inside = [loop for loop in loops if low <= (loop.bandwidth or 0.0) < high]
         if inside:
-            yield f"{_band_words(band)} holds the bandwidth of {_loop_words(inside)}."
+            yield f"{_band_words(record, band)} holds the bandwidth of {_loop_words(inside)}."
 
 
 def _loop_words(loops: Sequence[LoopMode]) -> str:

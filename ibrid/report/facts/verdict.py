@@ -21,7 +21,7 @@ BANDS_HZ = {
     "5-50": "below 50 Hz",
     "50-500": "from 50 to 500 Hz",
     "500-2000": "from 500 Hz to 2 kHz",
-    "2000-5000": "above 2 kHz",
+    "2000-5000": "from 2 kHz on",
 }
 #: Real part (1/s) above which a stable pole is in effect an integrator.
 NEARLY_INTEGRATING = -1e-3

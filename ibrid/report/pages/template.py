@@ -11,8 +11,9 @@ from hashlib import sha256
 from typing import TYPE_CHECKING, Any
 
 from ibrid.foreign_text import show_controls
-from ibrid.measurement.sweeps.quantities import hertz, span
+from ibrid.measurement.sweeps.quantities import hertz, set_point, span
 from ibrid.measurement.sweeps.sweep import ENTRIES
+from ibrid.report.facts.bands import band_in_hz
 from ibrid.report.facts.evidence import evidence_now
 from ibrid.report.look import numbers
 from ibrid.report.look.figure import content_policy, script
@@ -27,9 +28,15 @@ def page(template: str, facts: Mapping[str, Any], package: str = "ibrid.report")
     filled = (
         _environment(package)
         .get_template(template)
-        .render(facts, layout="page.html", evidence=evidence_now())
+        .render(facts, layout="page.html", evidence=evidence_now(_program(facts)))
     )
     return show_controls(filled)
+
+
+def _program(facts: Mapping[str, Any]) -> str:
+    """Text of the program that the page shows; "" where it shows none."""
+    shown = facts.get("record") or facts.get("gap") or getattr(facts.get("run"), "answer", None)
+    return getattr(shown, "program", "")
 
 
 def output(template: str, facts: Mapping[str, Any], shown: tuple[str, ...]) -> str:
@@ -81,13 +88,22 @@ def _environment(package: str) -> "Environment":
     }
     jinja.filters |= {
         "hertz": hertz,
+        "set_point": set_point,
         "heat": heat,
         "exact": lambda value: repr(float(value)),
         "plus_minus": lambda text: text.replace("+-", "±"),
         "sentence": _sentence,
         "shortened": shortened,
     }
-    functions = (span, series_line, style_sheet, notebook_style_sheet, content_policy, script)
+    functions = (
+        span,
+        band_in_hz,
+        series_line,
+        style_sheet,
+        notebook_style_sheet,
+        content_policy,
+        script,
+    )
     jinja.globals |= {
         "ENTRIES": list(ENTRIES),
         "shapes": SHAPES,

@@ -11,6 +11,7 @@ from ibrid.evaluation.record import Record
 from ibrid.foreign_text import controls_shown
 from ibrid.measurement.sweeps.quantities import counted, hertz
 from ibrid.measurement.sweeps.sweep import ENTRIES
+from ibrid.report.facts.bands import band_in_hz
 from ibrid.report.facts.left_over import LeftOver, left_by_record
 from ibrid.report.facts.modes import ROUNDING, measured_up_to, modes, slowest
 from ibrid.report.facts.parameter_rows import SHARED, ParameterRow, parameter_rows
@@ -150,7 +151,7 @@ def _parts(record: Record) -> Iterator[list[str]]:
 
 def _part(record: Record, op: str) -> list[str]:
     rows = [
-        [f"{band} Hz", *(error(found.get(entry)) for entry in ENTRIES)]
+        [f"{band_in_hz(record, band)} Hz", *(error(found.get(entry)) for entry in ENTRIES)]
         for band, found in record.nrmse_by_part[op].items()
     ]
     return [_cut(f"error at {op}", 48), *table(["band", *ENTRIES], rows, right=(1, 2, 3, 4))]
