@@ -1,5 +1,5 @@
-"""`.plot(ax=)` of sweeps, events, records, gaps, predictions and stability studies: a figure, or
-lines on axes of one's own.
+"""`.plot(ax=)` of sweeps, inspections, diagrams, events, records, gaps, predictions and stability
+studies: a figure, or lines on axes of one's own.
 """
 
 import textwrap
@@ -26,13 +26,18 @@ from ibrid.analysis.models.residuals import Residuals
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
 from ibrid.gap.results.gap import Gap
+from ibrid.measurement.quality.inspect import Inspection
 from ibrid.measurement.recordings.events import Events
 from ibrid.measurement.sweeps.sweep import ENTRIES, Sweep
+from ibrid.modules.vocabulary import VOCABULARY
+from ibrid.report.block_diagrams.block_diagram import LARGEST
+from ibrid.report.block_diagrams.on_axes import arranged, draw_diagram
 from ibrid.report.figures.bode import Curves, curves, draw_bode
 from ibrid.report.figures.displayed_figure import DisplayedFigure
 from ibrid.report.figures.events import draw_events
 from ibrid.report.figures.gap_curves import PointView, draw_entry, point_views
 from ibrid.report.figures.gap_ports import draw_missing, draw_ports
+from ibrid.report.figures.inspection import draw_inspection
 from ibrid.report.figures.power_jacobian import draw_nfp
 from ibrid.report.figures.residuals import (
     draw_autocorrelation,
@@ -43,6 +48,7 @@ from ibrid.report.figures.trajectory import Trajectory, draw_trajectory
 from ibrid.report.look.style import DANGER, INK, MUTED, SERIES, SERIES_STAND_INS, series
 from ibrid.report.pages.page import measured_data
 from ibrid.report.pages.stability_page import draw_locus
+from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.program import parse_program
 
 _SETTINGS: Any = {
@@ -52,6 +58,8 @@ _SETTINGS: Any = {
     "font.size": 9,
     "legend.frameon": False,
 }
+#: Inches of the widest drawing of a diagram, and units of the drawing in an inch of others.
+WIDEST, UNITS_PER_INCH = 15.0, 90.0
 #: Ports that are shown, the best ones.
 PORTS = 12
 #: Colours that figures draw with -> those of a white page.
@@ -190,10 +198,7 @@ def stability_plot(study: Stability, ax: Any = None, op: str | None = None) -> A
     names = [one.op for one in study.points]
     if op is not None and op not in names:
         raise IbridError(f"the study has no operating point {op!r}; it has {', '.join(names)}")
-    if ax is not None and not hasattr(ax, "plot"):
-        raise IbridError(
-            f"ax must be one axes, such as that of plt.subplots(); found {type(ax).__name__}"
-        )
+    _require_axes(ax)
     with rc_context({"axes.grid": True}):
         figure = None if ax is not None else DisplayedFigure(figsize=(6, 4.5), layout="constrained")
         axes: Any = ax if figure is None else figure.subplots()
@@ -212,6 +217,45 @@ def events_plot(events: Events, ax: Any = None) -> Any:
         draw_events(pair, events)
         on_white(*pair)
     return ax if figure is None else figure
+
+
+def inspection_plot(inspection: Inspection, ax: Any = None) -> Any:
+    """A row over frequency for each operating point, with what stands out of it."""
+    _require_axes(ax)
+    with rc_context(_SETTINGS):
+        size = (8, 1.8 + 0.5 * len(inspection.points))
+        figure = None if ax is not None else DisplayedFigure(figsize=size, layout="constrained")
+        axes: Any = ax if figure is None else figure.subplots()
+        draw_inspection(axes, inspection)
+        on_white(axes)
+    return ax if figure is None else figure
+
+
+def diagram_plot(diagram: Diagram, ax: Any = None) -> Any:
+    """Boxes, sums and wires, as on pages; on axes of one's own letters fit those axes."""
+    _require_axes(ax)
+    if not diagram.instances or len(diagram.instances) > LARGEST:
+        raise IbridError(
+            f"diagrams of 1 to {LARGEST} modules are drawn; found {len(diagram.instances)}"
+        )
+    drawing = arranged(diagram, VOCABULARY)
+    if ax is not None:
+        box = ax.get_window_extent()
+        pixels = min(box.width / drawing.width, box.height / drawing.height)
+        draw_diagram(ax, drawing, pixels * 72 / ax.figure.dpi)
+        return ax
+    width = min(WIDEST, drawing.width / UNITS_PER_INCH)
+    scale = width / drawing.width
+    figure = DisplayedFigure(figsize=(width, scale * drawing.height))
+    draw_diagram(figure.add_axes((0, 0, 1, 1)), drawing, 72 * scale)
+    return figure
+
+
+def _require_axes(ax: Any) -> None:
+    if ax is not None and not hasattr(ax, "plot"):
+        raise IbridError(
+            f"ax must be one axes, such as that of plt.subplots(); found {type(ax).__name__}"
+        )
 
 
 def gap_figure(gap: Gap, op: str | None = None, ax: Any = None, entry: str = "dd") -> Any:

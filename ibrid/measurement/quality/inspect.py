@@ -136,6 +136,12 @@ class Inspection:
         """The table and the warnings, for notebooks."""
         return shown(self, "pages.notebook", "inspection_html")
 
+    def plot(self, ax: Any = None) -> Any:
+        """A matplotlib figure, or `ax`: over frequency the range of each operating point, where it
+        is active, resonances, and points that look wrong.
+        """
+        return shown(self, "plotting", "inspection_plot", ax)
+
     def to_dataframe(self) -> Any:
         """A pandas DataFrame with a row for each operating point."""
         return made_above(self, "ibrid.measurement.dataframe", "inspection_frame")

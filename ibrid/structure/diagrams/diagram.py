@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from keyword import iskeyword
+from typing import Any
 
 from ibrid.border import methods_take_kinds
 from ibrid.errors import DiagramError
@@ -130,6 +131,13 @@ class Diagram:
             f"<Diagram {self.name}: {len(self.instances)} modules, {len(self.connections)} "
             "connections>"
         )
+
+    def plot(self, ax: Any = None) -> Any:
+        """A matplotlib figure, or `ax`: the block diagram as pages draw it.
+
+        Raises IbridError for a diagram that is empty or too large to be read.
+        """
+        return shown(self, "plotting", "diagram_plot", ax)
 
     def _repr_html_(self) -> str:
         """Drawn, for notebooks."""
