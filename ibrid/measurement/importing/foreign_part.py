@@ -66,6 +66,7 @@ from ibrid.measurement.importing.point_columns import (
 )
 from ibrid.measurement.importing.told import (
     base_of,
+    current_in_words,
     doubts_beside,
     numbers_beside,
     rating_beside,
@@ -140,6 +141,9 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     beside = told_beside(stem, table.notes)
     told: dict[str, Any] = rating_beside(table.notes) | beside | account.said
     mind_beside(table.where, beside, account)
+    way = current_in_words(table.notes)
+    if way and told["current"] == way[0] and "current" not in account.said:
+        account.remark(f"current: {way[0]}, as its words say: {way[1][:80]!r}")
     for doubt in doubts_beside(stem, table.notes):
         account.remark(f"{table.where}: {doubt}")
     mapped = parse_map(account.maps, table.columns, numbers_beside(stem, table.notes))

@@ -51,6 +51,29 @@ _IN_NAME = re.compile(
 )
 _BASE_KEYS = BESIDE | {role: f"{role}set|{ROLE_NAMES[role]}" for role in "pqv"}
 _OMEGA_0 = re.compile(r"(w|omega|ω)(0|n|nom|b|base)")
+#: The nominal frequency in words before its number, without a mark between.
+_F0_IN_WORDS = re.compile(
+    r"((?:nominal|rated|nenn|bemessungs)[ _-]?(?:frequency|frequenz)|"
+    r"fr[eé]quence nominale|frecuencia nominal|frequenza nominale)\s+(?:is |=|est |ist )?"
+    r"(?=\d+(?:[.,]\d+)?\s*Hz\b)",
+    re.IGNORECASE,
+)
+#: The way in which the current counts, in a sentence: towards the device, or out of the grid; and
+#: words with which it may say something else.
+_CURRENT_IN_WORDS = re.compile(
+    r"\b(?:currents?|str[oö]me?|courants?|corrientes?)\b[^.;\n]{0,40}?"
+    r"\b(?P<way>into|towards?|to|in(?= (?:das|den|die) )|ins|zum|zur|vers|dans|hacia|out of|from|leaving|aus|vom|depuis|"
+    r"sortant de|desde)\s+(?:the |das |den |die |dem |der |le |la |el |l['’])?"
+    r"(?:(?P<device>device|inverter|converter|unit|plant|ger[aä]t|(?:wechsel|um)richter|anlage|"
+    r"onduleur|convertisseur|appareil|equipo|inversor|convertidor)|"
+    r"(?P<grid>grid|network|netz|r[eé]seau|red))\b",
+    re.IGNORECASE,
+)
+_OUT_OF = re.compile("out of|from|leaving|aus|vom|depuis|sortant de|desde", re.IGNORECASE)
+_COUNTS = re.compile(
+    r"positi|\bcount|z[aä]hl|\bcompt|\bcuenta|convention|\bmeasured\b|direction", re.IGNORECASE
+)
+_NOT = re.compile(r"\b(?:not?|nicht|kein\w*|pas|negativ\w*|n[eé]gati\w*)\b", re.IGNORECASE)
 #: The nominal frequency with its unit, which says nothing of other frequencies.
 F0_TOLD = re.compile(
     r"(?<![\w])(?:f0|[fw]_?(?:n|nom|b)|w_?0|(?:omega|ω)_?(?:0|n|nom|b|base)|(?:nominal|grid|rated|base)[ _]?(?:angular[ _]?)?"
@@ -212,7 +235,7 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
     counts, and none that words beside it may turn.
     """
     entries: dict[str, Told | str] = {}
-    notes = tuple(notes)
+    notes = tuple(_F0_IN_WORDS.sub(r"\1: ", note) for note in notes)
     doubted = {pair.name for pair in _pairs(notes) if pair.doubt}
     for name, (value, unit) in numbers_beside(stem, notes).items():
         if name in doubted:
@@ -233,8 +256,23 @@ def told_beside(stem: str, notes: Iterable[str]) -> dict[str, Told | str]:
                 entries.setdefault("unit", word)
             if word.lower() in _WORD_KEYS.get(key, ()):
                 entries.setdefault(_KEYS.get(key, key), word.lower())
+    if way := current_in_words(notes):
+        entries.setdefault("current", way[0])
     called = {key: told for key, told in rating_beside(notes).items() if key in _BASE_KEYS}
     return called | entries
+
+
+def current_in_words(notes: Iterable[str]) -> tuple[str, str] | None:
+    """Which way the current counts, `in` or `out`, and the sentence that says it; None where none
+    does, or two say different ways.
+    """
+    found: dict[str, str] = {}
+    for note in notes:
+        said = _CURRENT_IN_WORDS.search(note)
+        if said and _COUNTS.search(note) and not _NOT.search(note):
+            away = _OUT_OF.fullmatch(said["way"]) is not None
+            found[("in", "out")[away == bool(said["device"])]] = note.strip("#%! ")
+    return found.popitem() if len(found) == 1 else None
 
 
 def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:

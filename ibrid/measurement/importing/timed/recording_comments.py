@@ -16,6 +16,7 @@ from ibrid.measurement.importing.foreign_table import ForeignTable
 from ibrid.measurement.importing.timed.probes import volts_per_ampere
 from ibrid.measurement.importing.told import (
     base_in_words,
+    current_in_words,
     doubts_beside,
     rating_beside,
     told_beside,
@@ -59,6 +60,9 @@ def read_comments(
             keys[key] = value
             if base is None or key == "f0_hz":
                 remarks.append(f"{key} = {value:g}, from {name} in {unit}")
+    if (way := current_in_words(texts)) and told["current"] == way[0]:
+        keys["current"] = way[0]
+        remarks.append(f"current: {way[0]}, as its words say: {way[1][:80]!r}")
     if base and (file := other_base(rating_beside(texts) | told, base)):
         remarks.append(f"base: {base_in_words(*base)} as said, while its words state {file}")
     plain = [line for line in comments if not _is_one_of(line[1], keys)]

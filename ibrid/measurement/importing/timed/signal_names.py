@@ -37,7 +37,8 @@ _PARTS: dict[str, str] = _WORDS["parts"]
 _COUNTED = {
     "rms": "rms|eff|trms",
     "peak": "peak|pk|crest|spitze",
-    "line": "ll|l-l|line|linetoline|leiter",
+    "line": "ll|l-l|line|linetoline|leiter|außenleiter\\w*|verkettete|composée|entre phases|"
+    "l[ií]nea|compuesta|concatenata",
     "phase": "ln|l-n|lg|l-g",
 }
 #: Those that stand behind the name of a voltage: U_LN, V_LL_rms, U peak.
