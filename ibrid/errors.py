@@ -66,14 +66,14 @@ _OPTION = re.compile(
     r"\bibrid [a-z]+ [^;]*"
     r"|(?<![^\s(])--(map|channels|ratio|from|to|unit|base|current|q-axis|voltage-axis|frame-deg"
     r"|power-node|f0-hz|decimal|polar|quantity|sequence-frequency|op|[pqv]|parameters|equilibrium"
-    r"|labels|holdout-op)\b"
+    r"|labels|holdout-op|network|port)\b"
     r"(?: (?!(?:and|are|beside|is|if|must|multiplies|needs|of|or|says)\b)"
     r"""("[^"]*"|'[^']*'|[^\s"']+))?"""
 )
 #: A value without the punctuation of the sentence behind it; `..` and a mark alone belong to it.
 _WITHOUT_MARKS = re.compile(r"^(.+?(?:\.\.)?)[.,;:)]*$")
 #: Options that a call names otherwise, and those whose placeholder is no text.
-_KEYS, _NUMBERS = {"from": "begin", "to": "end"}, ("p", "q", "v")
+_KEYS, _NUMBERS = {"from": "begin", "to": "end", "port": "network"}, ("p", "q", "v")
 #: What a replaced option begins with until all are, so that neighbours are joined.
 _ARGUMENT = "\0"
 _SAID_TWICE = re.compile(rf'{_ARGUMENT}(\w+)=("[^"]*") {_ARGUMENT}\1=("[^"]*")')
@@ -104,6 +104,11 @@ def in_python(sentence: str) -> str:
     text = _SAID_TWICE.sub(lambda said: f"{said[1]}=[{said[2]}, {said[3]}]", text)
     text = _NEIGHBOURS.sub(lambda said: f"{said[1]}, ", text)
     return text.replace(_ARGUMENT, "")
+
+
+def where_it_is_said(sentence: str) -> str:
+    """A sentence that is kept with data, with options at the prompt and arguments in Python."""
+    return sentence if AT_THE_PROMPT.get() else in_python(sentence)
 
 
 def near(name: object, known: Iterable[str]) -> str:

@@ -11,7 +11,7 @@ from fitted import benchmark, evaluated
 
 import ibrid
 from ibrid import cli
-from ibrid.errors import IbridError, SweepError, in_python
+from ibrid.errors import AT_THE_PROMPT, IbridError, SweepError, in_python, where_it_is_said
 from ibrid.evaluation.evaluate import evaluate
 from ibrid.measurement.importing.told import base_of
 
@@ -118,6 +118,28 @@ def test_a_call_is_told_arguments_where_a_command_is_told_options(capsys):
 )
 def test_options_are_said_as_arguments_and_commands_stay(option, argument):
     assert in_python(option) == argument
+
+
+def test_remarks_that_are_kept_with_data_name_arguments_in_python_and_options_at_the_prompt():
+    said = "v taken as 1 (else --v); filter beside it (--port): see --power-node capacitor"
+    assert where_it_is_said(said) == (
+        'v taken as 1 (else v); filter beside it (network): see power_node="capacitor"'
+    )
+    token = AT_THE_PROMPT.set(True)
+    try:
+        assert where_it_is_said(said) == said
+    finally:
+        AT_THE_PROMPT.reset(token)
+
+
+def test_notes_of_a_foreign_table_name_no_option_in_python(tmp_path):
+    rows = [f"{f},0.1,0.2,-0.2,0.1,0.3,0.1,-0.1,0.3" for f in (10, 20, 40, 80, 160, 320)]
+    names = "f,Ydd_re,Ydd_im,Ydq_re,Ydq_im,Yqd_re,Yqd_im,Yqq_re,Yqq_im"
+    (tmp_path / "scan.csv").write_text("\n".join([names, *rows]))
+    keys = {"unit": "pu", "f0_hz": 50, "current": "out", "q_axis": "leads", "p": 0.5, "q": 0.1}
+    notes = ibrid.read_sweep(tmp_path / "scan.csv", **keys).notes
+    assert any("else power_node" in note for note in notes)
+    assert not [note for note in notes if "--" in note]
 
 
 def test_an_inspection_takes_what_reading_takes():

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.errors import SweepError, near, some
+from ibrid.errors import SweepError, near, some, where_it_is_said
 from ibrid.measurement.conventions.header import CHOICES, HEADER_KEYS, POSITIVE, header_of
 from ibrid.measurement.conventions.positive_sequence import NOTE, WORDS
 from ibrid.measurement.formats.bundle import stem_of, suffix_of
@@ -103,7 +103,8 @@ class Imported:
         """
         if self.sweep is None:
             raise UnsaidError(self.asked)
-        notes = dict.fromkeys((*self.sweep.notes, *(f"{MIND}{one}" for one in self.remarks)))
+        remarks = (f"{MIND}{where_it_is_said(one)}" for one in self.remarks)
+        notes = dict.fromkeys((*self.sweep.notes, *remarks))
         return replace(self.sweep, notes=tuple(notes))
 
 
@@ -224,7 +225,10 @@ def import_tables(
             "read as the steady state? Name a column of the operating points: --map op=COLUMN"
         )
     if sweep is not None:
-        notes = [f"{what}: {source} {unit}".strip() for what, source, unit in account.readings]
+        notes = [
+            where_it_is_said(f"{what}: {source} {unit}".strip())
+            for what, source, unit in account.readings
+        ]
         notes += [NOTE] if WORDS in account.remarks else []
         notes += [remark for remark in account.remarks if remark.startswith(MODEL)]
         sweep = replace(sweep, notes=(f"imported from {', '.join(files)}", *notes))

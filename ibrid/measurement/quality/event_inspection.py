@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from ibrid.errors import where_it_is_said
 from ibrid.frozen import Frozen
 from ibrid.measurement.quality.event_contradictions import contradictions
 from ibrid.measurement.recordings.event_rest import SLOWEST_HZ, noise_at_rest
@@ -127,7 +128,7 @@ def inspect_events(events: Events) -> EventsInspection:
         events.s_base_va,
         events.v_base_v,
         tuple(_inspect(record, events.f0_hz) for record in events.records),
-        contradictions(events),
+        tuple(map(where_it_is_said, contradictions(events))),
     )
 
 
@@ -170,7 +171,7 @@ def _inspect(record: EventRecord, f0_hz: float) -> RecordInspection:
         voltage_noise=record.voltage_noise,
         window=None if record.window is None else record.window.name,
         bandwidth_hz=_bandwidth(record, rate),
-        remarks=record.remarks,
+        remarks=tuple(map(where_it_is_said, record.remarks)),
         tells=tells,
         cannot_tell=cannot,
         **facts,

@@ -13,7 +13,7 @@ from typing import Any, overload
 import numpy as np
 
 from ibrid.border import takes_kinds
-from ibrid.errors import SweepError
+from ibrid.errors import SweepError, where_it_is_said
 from ibrid.frozen import Frozen
 from ibrid.measurement.conventions.contradictions import Conventions, check_conventions
 from ibrid.measurement.conventions.positive_sequence import NOTE, WORDS
@@ -204,7 +204,7 @@ def inspect(
         sampling_hz=rate,
         points=points,
         conventions=conventions,
-        warnings=warnings_of(sweep, points, conventions, rate, seen),
+        warnings=tuple(map(where_it_is_said, warnings_of(sweep, points, conventions, rate, seen))),
     )
 
 
