@@ -12,7 +12,7 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from ibrid.arguments.places import exists, is_program_text, is_record, require_file
+from ibrid.arguments.places import exists, is_name, is_program_text, is_record, require_file
 from ibrid.border import takes_kinds
 from ibrid.errors import IbridError, ProgramError, SweepError
 from ibrid.evaluation.record import Record, read_record
@@ -90,7 +90,7 @@ def as_diagram(given: Any) -> Diagram:
         )
     if is_record(text):
         return read_record(text).diagram
-    if not exists(text) and text in shipped_names():
+    if is_name(text, shipped_names()):
         return textbook(text)
     require_file(text, shipped_names(), "a program file or a textbook diagram", ProgramError)
     return read_program(text)
@@ -110,7 +110,7 @@ def as_record(given: Any) -> Record:
             f"{type(given).__name__}"
         )
     text = os.fspath(given)
-    if text in shipped_names() and not exists(text):
+    if is_name(text, shipped_names()):
         raise IbridError(
             f"{text} is a diagram, and a record of its fit is needed; make one with "
             f'ibrid.evaluate("{text}", sweep)'
@@ -131,15 +131,16 @@ def load(path: str | os.PathLike) -> Sweep | Events | Record | Diagram | Mapping
         for name in _RECORDS:
             if (Path(text) / name).is_file():
                 return as_record(Path(text) / name)
-        raise IbridError(
-            f"{text} must be a file or a folder with {' or '.join(_RECORDS)}; found neither in it, "
-            "name a file of it"
-        )
+        if not is_name(text, (*shipped_names(), *known_sweeps())):
+            raise IbridError(
+                f"{text} must be a file or a folder with {' or '.join(_RECORDS)}; found neither in "
+                "it, name a file of it"
+            )
     if (answer := _answer_in(text)) is not None:
         return answer
     if is_record(text):
         return as_record(text)
-    if not exists(text) and text in shipped_names():
+    if is_name(text, shipped_names()):
         return as_diagram(text)
     if Path(text).suffix.lower() == ".py":
         return as_diagram(text)
@@ -250,12 +251,13 @@ def _is_of_python_control(given: Any) -> bool:
 
 def holds_events(text: str) -> bool:
     """Whether there is a file of records in time at that place, and no sweep."""
-    return is_there(Path(text)) and is_events_file(Path(text))
+    return is_there(Path(text)) and not Path(text).is_dir() and is_events_file(Path(text))
 
 
 def sweep_file(text: str) -> str | Path | None:
     """Where the sweep of that name or path lies; None when there is none."""
-    return text if exists(text) else known_sweeps().get(text)
+    known = known_sweeps()
+    return text if exists(text) and not is_name(text, known) else known.get(text)
 
 
 def known_sweeps() -> Mapping[str, Path]:

@@ -15,6 +15,13 @@ def exists(text: str) -> bool:
         return False
 
 
+def is_name(text: str, names: Iterable[str]) -> bool:
+    """Whether a text is the name of what ships: no file lies there; a folder of that name, which
+    is neither a program nor a sweep, does not hide it.
+    """
+    return text in names and (not exists(text) or Path(text).is_dir())
+
+
 def require_file(text: str, names: Iterable[str], wanted: str, error: type[IbridError]) -> None:
     """Raise `error` unless there is something at the path `text`; names what lies near."""
     if exists(text):

@@ -1,5 +1,7 @@
 """What a model file offers, and a DEVICE.toml to correct: `ibrid measure FILE --describe`."""
 
+import math
+import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -148,6 +150,8 @@ def _of_library(path: Path) -> Description:
     }
     if any(entry["unit"] != "pu" for entry in signals.values()):
         device |= {"s_base_va": 1e6, "v_base_v": 400.0}
+    device |= stated_by_parameters(library.parameters, device, doubts)
+    if "v_base_v" in device:
         doubts.append("put in your own: f0_hz, s_base_va and v_base_v (line to line, rms)")
     if "u" in signals:
         device["power_stage"] = {"L_f": 0.1, "R_f": 0.005, "v_dc": 2.5}
@@ -199,6 +203,7 @@ def _of_fmu(path: Path) -> Description:
     }
     if any(entry["unit"] != "pu" for entry in signals.values()):
         device |= {"s_base_va": 1e6, "v_base_v": 400.0}
+    device |= stated_by_parameters(named["parameter"], device, doubts)
     doubts.append(
         "put in your own: step_s, f0_hz, and where a unit is not pu s_base_va and v_base_v (line "
         "to line, rms)"
@@ -213,6 +218,52 @@ def _of_fmu(path: Path) -> Description:
     return Description(
         lines, {**device, "signals": signals, "start": start, "parameters": {}}, doubts
     )
+
+
+#: Names of parameters, in small letters without _, that say a base or the nominal frequency -> key
+#: of a DEVICE.toml, factor of its number and least and largest value that is believed.
+_SAID_BY = (
+    (re.compile(r"f(0|n|nom|base|nominal)|fgrid"), "f0_hz", 1.0, (10.0, 500.0)),
+    (
+        re.compile(r"(w|omega)(0|n|nom|base|nominal)"),
+        "f0_hz",
+        1 / (2 * math.pi),
+        (10.0, 500.0),
+    ),
+    (re.compile(r"vll(base|n|nom|rms|rated)?"), "v_base_v", 1.0, (10.0, 1e6)),
+    (re.compile(r"s(base|n|nom|rated)"), "s_base_va", 1.0, (10.0, 1e10)),
+)
+_FACTORS = {"k": 1e3, "M": 1e6}
+
+
+def stated_by_parameters(
+    parameters: Mapping[str, Any], device: Mapping[str, Any], doubts: list[str]
+) -> dict[str, float]:
+    """Bases and nominal frequency that the model's own parameters state by their usual values; a
+    doubt names them.
+    """
+    stated: dict[str, float] = {}
+    sources = []
+    for port in parameters.values():
+        name = port.name.rpartition(".")[2].lower().replace("_", "")
+        for pattern, key, factor, (least, largest) in _SAID_BY:
+            if key not in device or key in stated or not pattern.fullmatch(name):
+                continue
+            try:
+                value = float(port.usual) * factor * _prefix_of(port.unit)
+            except ValueError:
+                continue
+            if least <= value <= largest:
+                stated[key] = float(f"{value:.4g}") if key == "f0_hz" else value
+                sources.append(f"{key} from the parameter {port.name}")
+    if sources:
+        doubts.append(f"taken: {', '.join(sources)}")
+    return stated
+
+
+def _prefix_of(unit: str) -> float:
+    """1e3 of kV, 1e6 of MVA, else 1."""
+    return _FACTORS.get(unit[:1], 1.0) if unit[1:] in ("V", "VA", "W") else 1.0
 
 
 @dataclass(frozen=True)

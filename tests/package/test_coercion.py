@@ -142,6 +142,19 @@ def test_notes_of_a_foreign_table_name_no_option_in_python(tmp_path):
     assert not [note for note in notes if "--" in note]
 
 
+@pytest.mark.parametrize("name", ["gfl_l_filter", "published_touti_19kva"])
+def test_an_empty_folder_does_not_hide_what_ships_under_its_name(name, tmp_path, monkeypatch):
+    shipped = ibrid.load(name)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / name).mkdir()
+    assert type(ibrid.load(name)) is type(shipped)
+    read = ibrid.as_diagram if isinstance(shipped, ibrid.Diagram) else ibrid.as_sweep
+    assert type(read(name)) is type(shipped)
+    (tmp_path / "mine").mkdir()
+    with pytest.raises(IbridError, match="found neither in it"):
+        ibrid.load("mine")
+
+
 def test_an_inspection_takes_what_reading_takes():
     fault = ibrid.examples()["fault.csv"]
     look = ibrid.inspect(fault, base="50kVA,690V", f0_hz=60.0)

@@ -24,7 +24,7 @@ from browser import asked as answers_of
 from fitted import benchmark, changed, evaluated
 from ibrid_search.run.store import Store
 from ibrid_search.watching import WatchServer
-from ibrid_search.watching.run_state import run_state, run_summary
+from ibrid_search.watching.run_state import run_names, run_state, run_summary
 from ibrid_search.watching.server import ADDRESS
 from made_run import a_run, meta
 
@@ -178,6 +178,26 @@ def test_several_runs_are_compared(run: Path, tmp_path: Path):
         for path in ("/state?run=2", "/state?run=-1", "/trials?run=x", f"/state?run={'9' * 500}"):
             assert asked(server, path)[0] == 404, path
         assert 'id="runs"' in asked(server, "/")[1]
+    finally:
+        server.shutdown()
+        server.server_close()
+
+
+def test_runs_of_one_name_are_told_apart_by_the_folders_above(tmp_path: Path):
+    folders = [tmp_path / "dll" / "search", tmp_path / "other" / "search", tmp_path / "third"]
+    assert run_names(folders) == ("dll/search", "other/search", "third")
+    assert run_names(folders[:1]) == ("search",)
+    for folder in folders[:2]:
+        folder.parent.mkdir()
+    runs = [a_run(folder, meta(), until=2) for folder in folders[:2]]
+    server = WatchServer(runs)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    try:
+        assert [one["name"] for one in json.loads(asked(server, "/runs")[1])] == [
+            "dll/search",
+            "other/search",
+        ]
+        assert json.loads(asked(server, "/state?run=1")[1])["name"] == "other/search"
     finally:
         server.shutdown()
         server.server_close()

@@ -41,6 +41,21 @@ _SUMMED = (
 )
 
 
+def run_names(folders: Sequence[Path]) -> tuple[str, ...]:
+    """Names of runs side by side: that of the folder, with those above it where two would be
+    alike.
+    """
+    places = [folder.resolve() for folder in folders]
+    names = []
+    for place in places:
+        others = [other for other in places if other != place]
+        depth = 1
+        while any(other.parts[-depth:] == place.parts[-depth:] for other in others):
+            depth += 1
+        names.append(str(Path(*place.parts[-depth:])))
+    return tuple(names)
+
+
 def run_state(folder: Path) -> PlainData:
     """How a run stands.
 

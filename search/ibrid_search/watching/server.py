@@ -29,7 +29,12 @@ from ibrid.report.pages.template import page
 from ibrid.streams import complain
 from ibrid.writing import plain
 from ibrid_search.run.stop_request import request_stop
-from ibrid_search.watching.run_state import run_state, run_summary, step_page
+from ibrid_search.watching.run_state import (
+    run_names,
+    run_state,
+    run_summary,
+    step_page,
+)
 from ibrid_search.watching.trials import Trials
 
 ADDRESS = "127.0.0.1"
@@ -67,6 +72,7 @@ class WatchServer(ThreadingHTTPServer):
         self.folders = (folders,) if isinstance(folders, Path) else tuple(folders)
         for folder in self.folders:
             run_state(folder)  # refuses what is no run before anything is served
+        self.names = run_names(self.folders)
         self.kinds = tuple(kinds)
         self.trials = tuple(Trials(folder, self.kinds) for folder in self.folders)
         #: Known to the page alone; without it nothing is changed.
@@ -186,9 +192,15 @@ class _Answers(BaseHTTPRequestHandler):
                 "text/javascript",
             )
         elif path == "/state":
-            self._send_json(run_state(folders[self._run]))
+            named = {"name": self.server.names[self._run]}
+            self._send_json(run_state(folders[self._run]) | named)
         elif path == "/runs":
-            self._send_json([run_summary(folder) for folder in folders])
+            self._send_json(
+                [
+                    run_summary(folder) | {"name": name}
+                    for folder, name in zip(folders, self.server.names, strict=True)
+                ]
+            )
         elif path == "/trials":
             self._send_json(self.server.trials[self._run].table())
         elif match := re.fullmatch(r"/step/(\d{1,9})", path):
