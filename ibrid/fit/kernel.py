@@ -15,7 +15,7 @@ from ibrid.fit.lane_response import (
     answer_place,
     differentiate_in_lanes,
     lane_workspace,
-    make_plan,
+    plan_elimination,
     respond_in_lanes,
 )
 from ibrid.fit.lanes import LANES, PARTS, WIDTH, dot_matrices, multiply
@@ -385,7 +385,7 @@ def normal_equations(
     values : (S, nz). derivatives : (S, nd). delays : (S, size). line : (K,) complex, rad/s. data,
     weight : (K, 2, 2).
     excitation : from `excited`; Y is multiplied by it. most : (S,), beyond which a cost is of no
-    interest. plan : of `make_plan`.
+    interest. plan : of `plan_elimination`.
 
     Returns costs (S,), gradients (S, P), matrices (S, P, P), r (S, N) and J (S, P, N) of all real
     and imaginary parts, in an order of their own that both share; J is of no use unless
@@ -503,7 +503,7 @@ def load() -> None:
             with_gradient,
             np.ones(1),
             False,
-            make_plan(rows, rows, rows, 1),
+            plan_elimination(rows, rows, rows, 1),
         )
     answer(values[0], rows, rows, delays[0], line, excitation, 1)
     respond_with_derivatives(

@@ -34,7 +34,7 @@ LARGEST_FACTOR = 1e4
 DIAGONAL_PREFERRED = 10.0
 
 
-class Plan(NamedTuple):
+class EliminationPlan(NamedTuple):
     """What a structure has in common at all values and frequencies.
 
     position : (size + 2,) where each row and column of M stands in the system, in the order of
@@ -73,7 +73,7 @@ class LaneWorkspace(NamedTuple):
     turn: np.ndarray
 
 
-def make_plan(rows, columns, d_entry, size):
+def plan_elimination(rows, columns, d_entry, size):
     """The plan of a structure whose M has entries at (rows, columns), and derivatives of the
     entries `d_entry`.
 
@@ -92,7 +92,7 @@ def make_plan(rows, columns, d_entry, size):
         filled |= np.outer(filled[:, pivot], filled[pivot])
     order += [size, size + 1]
     first = np.concatenate([[0], np.cumsum(np.bincount(d_entry, minlength=len(rows)))])
-    return Plan(
+    return EliminationPlan(
         np.argsort(order),
         np.ascontiguousarray(couples[np.ix_(order, order)]),
         first.astype(np.int64),

@@ -15,7 +15,7 @@ import numpy as np
 
 from ibrid.assembly.symbolic import Pattern, SymbolicModel
 from ibrid.fit import kernel
-from ibrid.fit.lane_response import make_plan
+from ibrid.fit.lane_response import plan_elimination
 from ibrid.fit.least_squares import Points, carried
 from ibrid.fit.objective import Residual, residuals
 from ibrid.fit.thinning import representative_frequencies
@@ -144,7 +144,7 @@ class Problem:
         self.coordinates = Coordinates([one.parameter for one in self.numbers])
         self._set_data(points)
         values, derivatives = len(self.pattern.rows), len(self.pattern.derivative_entry)
-        self._plan = make_plan(
+        self._plan = plan_elimination(
             self.pattern.rows,
             self.pattern.columns,
             self.pattern.derivative_entry,

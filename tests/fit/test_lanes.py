@@ -6,7 +6,7 @@ import pytest
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.fit import kernel
 from ibrid.fit.just_in_time import njit
-from ibrid.fit.lane_response import make_plan
+from ibrid.fit.lane_response import plan_elimination
 from ibrid.fit.lanes import (
     LANES,
     WIDTH,
@@ -128,7 +128,7 @@ def test_a_frequency_whose_pivot_vanishes_alone_is_solved_with_pivots_of_its_own
         False,
         np.full(1, np.inf),
         False,
-        make_plan(rows, columns, none, 2),
+        plan_elimination(rows, columns, none, 2),
     )
     y_dd = line / (line**2 - 1)
     others = 3 * LANES  # which are not coupled: 1 each

@@ -7,7 +7,7 @@ from fitted import benchmark, drawn, problem_of
 
 import ibrid
 from ibrid.fit import kernel
-from ibrid.fit.lane_response import make_plan
+from ibrid.fit.lane_response import plan_elimination
 from ibrid.fit.least_squares import Points
 from ibrid.fit.problem import Coordinates, Misfit
 from ibrid.structure.reading.parameters import Parameter
@@ -92,7 +92,7 @@ def cost_of(values, rows, columns, lags, omega, data) -> float:
         False,
         np.full(1, np.inf),
         False,
-        make_plan(rows, columns, none, len(lags)),
+        plan_elimination(rows, columns, none, len(lags)),
     )
     return float(cost[0])
 
