@@ -315,6 +315,7 @@ def _take_one_by_one(
     workspace of lanes; False where one is singular.
     """
     _, pivots, _, _, y, _, dy = workspace
+    numbers, (_, _, _, slopes, _, _), _, _, _, _, _ = space
     for lane in range(LANES):
         if not _respond(
             values, rows, columns, delays, s[lane], excitation[lane], parameters > 0, workspace
@@ -335,11 +336,11 @@ def _take_one_by_one(
         for entry in range(4):
             at = answer_place(entry, pivots.size) + lane
             answered = y[entry // 2, entry % 2]
-            space.numbers[at], space.numbers[at + LANES] = answered.real, answered.imag
+            numbers[at], numbers[at + LANES] = answered.real, answered.imag
             for p in range(parameters):
-                at = space.slopes + p * MATRIX + entry * WIDTH + lane
+                at = slopes + p * MATRIX + entry * WIDTH + lane
                 slope = dy[p, entry]
-                space.numbers[at], space.numbers[at + LANES] = slope.real, slope.imag
+                numbers[at], numbers[at + LANES] = slope.real, slope.imag
     return True
 
 
@@ -385,7 +386,7 @@ def normal_equations(
     values : (S, nz). derivatives : (S, nd). delays : (S, size). line : (K,) complex, rad/s. data,
     weight : (K, 2, 2).
     excitation : from `excited`; Y is multiplied by it. most : (S,), beyond which a cost is of no
-    interest. plan : of `plan_elimination`.
+    interest. plan : from `plan_elimination`.
 
     Returns costs (S,), gradients (S, P), matrices (S, P, P), r (S, N) and J (S, P, N) of all real
     and imaginary parts, in an order of their own that both share; J is of no use unless
@@ -400,7 +401,8 @@ def normal_equations(
     slopes = np.zeros((batch if with_slopes else 1, parameters, parts))
     workspace = _workspace(size, rows.size, parameters)
     space = lane_workspace(size, parameters)
-    numbers = space.numbers
+    numbers, places = space[0], space[1]
+    _, _, _, slopes_place, residual_place, factor_place = places
     # the last frequencies again, without weight, where a group is not full
     taken = np.minimum(np.arange(-(-number // LANES) * LANES), number - 1)
     s, excitations = line[taken], excitation[taken]
@@ -445,22 +447,22 @@ def normal_equations(
                         )
                         total += r.real * r.real + r.imag * r.imag
                     at = entry * WIDTH + lane
-                    numbers[space.residual + at] = r.real
-                    numbers[space.residual + at + LANES] = r.imag
-                    numbers[space.factor + at] = factor.real
-                    numbers[space.factor + at + LANES] = factor.imag
+                    numbers[residual_place + at] = r.real
+                    numbers[residual_place + at + LANES] = r.imag
+                    numbers[factor_place + at] = factor.real
+                    numbers[factor_place + at + LANES] = factor.imag
             if not total <= most[start]:
                 total = np.inf
                 break
             own = slice(begin * PARTS, begin * PARTS + MATRIX)
-            residuals[start, own] = numbers[space.residual : space.residual + MATRIX]
+            residuals[start, own] = numbers[residual_place : residual_place + MATRIX]
             for p in range(parameters):
-                slope = space.slopes + p * MATRIX
+                slope = slopes_place + p * MATRIX
                 for place in range(0, MATRIX, WIDTH):
-                    multiply(numbers, slope + place, slope + place, space.factor + place)
-                gradient[start, p] += dot_matrices(numbers, slope, space.residual)
+                    multiply(numbers, slope + place, slope + place, factor_place + place)
+                gradient[start, p] += dot_matrices(numbers, slope, residual_place)
                 for q in range(p + 1):
-                    other = space.slopes + q * MATRIX
+                    other = slopes_place + q * MATRIX
                     hessian[start, p, q] += dot_matrices(numbers, slope, other)
                 if with_slopes:
                     slopes[start, p, own] = numbers[slope : slope + MATRIX]

@@ -6,8 +6,6 @@ R = K^-1 M_xv and L = M_yx K^-1, and dY = [L I] dM [R; I]. All lanes take the sa
 the greatest sum, and only what couples is looked at.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from ibrid.fit.just_in_time import OPTIONS, njit
@@ -34,50 +32,16 @@ LARGEST_FACTOR = 1e4
 DIAGONAL_PREFERRED = 10.0
 
 
-class EliminationPlan(NamedTuple):
-    """What a structure has in common at all values and frequencies.
-
-    position : (size + 2,) where each row and column of M stands in the system, in the order of
-    elimination. couples : (size + 2, size + 2) bool, where the system has numbers. first, by_entry
-    : the derivatives of entry k are by_entry[first[k]:first[k + 1]].
-    """
-
-    position: np.ndarray
-    couples: np.ndarray
-    first: np.ndarray
-    by_entry: np.ndarray
-
-
-class LaneWorkspace(NamedTuple):
-    """What every group of frequencies fills anew.
-
-    numbers : (N,) float64, the system (size + 2, size + 2) in lanes and, from the places `right`
-    on, R (size + 2, 2), L (2, size + 2), a product of both, the derivatives (P, 2, 2), residuals
-    and the factors of their slopes (2, 2). coupled : (size + 2, size + 2) bool, where elimination
-    has left numbers. order : (size,) rows of the pivots. waiting : (size + 2,) bool, rows that
-    were no pivot. behind : (size + 2,) columns that a pivot couples to. turn : (size, LANES)
-    d exp(s T) / dT of delays.
-    """
-
-    numbers: np.ndarray
-    right: int
-    left: int
-    outer: int
-    slopes: int
-    residual: int
-    factor: int
-    coupled: np.ndarray
-    order: np.ndarray
-    waiting: np.ndarray
-    behind: np.ndarray
-    turn: np.ndarray
-
-
 def plan_elimination(rows, columns, d_entry, size):
-    """The plan of a structure whose M has entries at (rows, columns), and derivatives of the
-    entries `d_entry`.
+    """What a structure has in common at all values and frequencies, whose M has entries at (rows,
+    columns), and derivatives of the entries `d_entry`.
 
     Of the diagonal numbers the one is eliminated next that fills least (Markowitz).
+
+    Returns a plan: position (size + 2,), where each row and column of M stands in the system;
+    couples (size + 2, size + 2) bool, where the system has numbers; first and by_entry, with which
+    the derivatives of entry k are by_entry[first[k]:first[k + 1]]. A plain tuple, as compiled code
+    that is kept on disk outlives the names of classes.
     """
     couples = np.zeros((size + 2, size + 2), dtype=bool)
     couples[rows, columns] = True
@@ -92,7 +56,7 @@ def plan_elimination(rows, columns, d_entry, size):
         filled |= np.outer(filled[:, pivot], filled[pivot])
     order += [size, size + 1]
     first = np.concatenate([[0], np.cumsum(np.bincount(d_entry, minlength=len(rows)))])
-    return EliminationPlan(
+    return (
         np.argsort(order),
         np.ascontiguousarray(couples[np.ix_(order, order)]),
         first.astype(np.int64),
@@ -102,21 +66,28 @@ def plan_elimination(rows, columns, d_entry, size):
 
 @njit(**OPTIONS)
 def lane_workspace(size, parameters):
-    """A workspace for a system of that size and so many parameters."""
+    """What every group of frequencies fills anew, for a system of that size.
+
+    Returns
+    -------
+    numbers : (N,) float64, the system (size + 2, size + 2) in lanes, and what `places` tells.
+    places : where R (size + 2, 2), L (2, size + 2), a product of both (2, 2), the derivatives (P,
+        2, 2), the residuals and the factors of their slopes (2, 2) begin.
+    coupled : (size + 2, size + 2) bool, where elimination has left numbers.
+    order : (size,) rows of the pivots.
+    waiting : (size + 2,) bool, rows that were no pivot.
+    behind : (size + 2,) columns that a pivot couples to.
+    turn : (size, LANES) d exp(s T) / dT of delays.
+    """
     whole = size + 2
     right = whole * whole * WIDTH
     left = right + 2 * whole * WIDTH
     outer = left + 2 * whole * WIDTH
     slopes = outer + MATRIX
     residual = slopes + parameters * MATRIX
-    return LaneWorkspace(
+    return (
         np.zeros(residual + 2 * MATRIX),
-        right,
-        left,
-        outer,
-        slopes,
-        residual,
-        residual + MATRIX,
+        (right, left, outer, slopes, residual, residual + MATRIX),
         np.zeros((whole, whole), dtype=np.bool_),
         np.zeros(size, dtype=np.int64),
         np.zeros(whole, dtype=np.bool_),
@@ -137,30 +108,29 @@ def respond_in_lanes(values, rows, columns, delays, s, derivative, plan, space):
 
     False where the pivots that all share are not good enough for each; then nothing holds.
     """
-    numbers, size = space.numbers, space.order.size
+    numbers, places, coupled, order, waiting, behind, turn = space
+    position, couples, _, _ = plan
+    size = order.size
     whole = size + 2
     for place in range(whole * whole):
         put(numbers, place * WIDTH, 0.0)
     for index in range(rows.size):
-        i, j = plan.position[rows[index]], plan.position[columns[index]]
+        i, j = position[rows[index]], position[columns[index]]
         value = -values[index] if j < size else values[index]
         put(numbers, (i * whole + j) * WIDTH, value)
     for i in range(size):
-        at = plan.position[i] * (whole + 1) * WIDTH
+        at = position[i] * (whole + 1) * WIDTH
         for lane in range(LANES):
             diagonal = s[lane]
             if delays[i] >= 0.0:
                 diagonal = np.exp(s[lane] * delays[i])
-                space.turn[i, lane] = -s[lane] * diagonal
+                turn[i, lane] = -s[lane] * diagonal
             numbers[at + lane] += diagonal.real
             numbers[at + LANES + lane] += diagonal.imag
-    eliminated = _eliminate(
-        numbers, plan.couples, space.coupled, space.order, space.waiting, space.behind
-    )
-    if not eliminated:
+    if not _eliminate(numbers, couples, coupled, order, waiting, behind):
         return False
     if derivative:
-        _substitute(numbers, space.coupled, space.order, space.right, space.left)
+        _substitute(numbers, coupled, order, places[0], places[1])
     return True
 
 
@@ -241,28 +211,27 @@ def _substitute(numbers, coupled, order, right, left):
 @njit(**OPTIONS)
 def differentiate_in_lanes(derivatives, rows, columns, d_parameter, delay_parameter, plan, space):
     """The derivatives of Y by the parameters, from L and R."""
-    numbers, outer, size = space.numbers, space.outer, space.order.size
-    places = space.left, space.right, outer
-    for place in range(4 * ((space.residual - space.slopes) // MATRIX)):
-        put(numbers, space.slopes + place * WIDTH, 0.0)
+    numbers, (right, left, outer, slopes, residual, _), _, order, _, _, turn = space
+    position, _, first, by_entry = plan
+    size, places = order.size, (left, right, outer)
+    for place in range(4 * ((residual - slopes) // MATRIX)):
+        put(numbers, slopes + place * WIDTH, 0.0)
     for entry in range(rows.size):
-        if plan.first[entry + 1] > plan.first[entry]:
-            _multiply_outer(
-                numbers, size, plan.position[rows[entry]], plan.position[columns[entry]], places
-            )
-        for place in range(plan.first[entry], plan.first[entry + 1]):
-            k = plan.by_entry[place]
-            at = space.slopes + d_parameter[k] * MATRIX
+        if first[entry + 1] > first[entry]:
+            _multiply_outer(numbers, size, position[rows[entry]], position[columns[entry]], places)
+        for place in range(first[entry], first[entry + 1]):
+            k = by_entry[place]
+            at = slopes + d_parameter[k] * MATRIX
             add_scaled_matrix(numbers, at, outer, derivatives[k])
     for i in range(size):
         if delay_parameter[i] < 0:  # dK = s exp(s T) dT
             continue
-        _multiply_outer(numbers, size, plan.position[i], plan.position[i], places)
+        _multiply_outer(numbers, size, position[i], position[i], places)
         for part in range(4):
-            at = space.slopes + delay_parameter[i] * MATRIX + part * WIDTH
+            at = slopes + delay_parameter[i] * MATRIX + part * WIDTH
             for lane in range(LANES):
                 product = outer + part * WIDTH + lane
-                added = space.turn[i, lane] * complex(numbers[product], numbers[product + LANES])
+                added = turn[i, lane] * complex(numbers[product], numbers[product + LANES])
                 numbers[at + lane] += added.real
                 numbers[at + LANES + lane] += added.imag
 
