@@ -705,3 +705,18 @@ def test_files_of_an_oscilloscope_are_read_once_by_an_import(tmp_path, monkeypat
     out = ["--out", str(tmp_path / "out.csv")]
     assert cli.main(["import", *map(str, paths), *said, *out]) == 0
     assert read == paths
+
+
+def test_a_number_in_place_of_the_column_of_frequencies_is_refused(tmp_path):
+    path = tmp_path / "scan.csv"
+    names = ["f_hz", *(f"Y{entry}_{part}" for entry in ENTRIES for part in ("re", "im"))]
+    path.write_text(text_of(names, np.column_stack([FREQUENCY, parts(ADMITTANCE)])))
+    with pytest.raises(SweepError, match="the frequency must be a column; found one number"):
+        import_files([path], ("freq=99",), **SAID)
+
+
+def test_a_file_without_a_name_in_a_tar_archive_is_refused(tmp_path):
+    with tarfile.open(tmp_path / "scan.tar", "w") as archive:
+        archive.addfile(tarfile.TarInfo(""))
+    with pytest.raises(SweepError, match="must be a tar archive; it cannot be read"):
+        import_files([tmp_path / "scan.tar"], **SAID)

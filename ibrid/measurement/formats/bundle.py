@@ -221,5 +221,7 @@ def _zipped(path: Path, changed: int) -> bytes:
         files = {one.name.removeprefix("./"): one for one in packed.getmembers() if one.isreg()}
         _require_size(path, sum(one.size for one in files.values()))
         for name, one in files.items():
+            if not name:
+                raise ValueError("a file without a name")
             archive.writestr(name, packed.extractfile(one).read())  # pyright: ignore
     return zipped.getvalue()

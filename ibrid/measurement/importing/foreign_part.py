@@ -390,6 +390,11 @@ def _frequency(
             f"{table.where} must have a column of frequencies; found {columns}, name it: --map "
             "freq=COLUMN."
         )
+    if not sources[role].columns:
+        raise SweepError(
+            f"{table.where}: the frequency must be a column; found one number, name a column: "
+            "--map freq=COLUMN."
+        )
     real_numbers(table, sources[role])
     hertz, unsaid = in_hertz(table, sources[role], account, angular=role == "omega")
     named = next(
