@@ -720,3 +720,12 @@ def test_a_file_without_a_name_in_a_tar_archive_is_refused(tmp_path):
         archive.addfile(tarfile.TarInfo(""))
     with pytest.raises(SweepError, match="must be a tar archive; it cannot be read"):
         import_files([tmp_path / "scan.tar"], **SAID)
+
+
+@each_of("coefficients_of", [[0.0], [np.nan, 1.0], [np.inf, 1.0]])
+def test_transfer_functions_without_a_denominator_are_refused(tmp_path, coefficients_of):
+    cells = coefficients(2, "")
+    cells["den"][0, 0] = [coefficients_of]
+    savemat(tmp_path / "tfdata.mat", cells)
+    with pytest.raises(SweepError, match="must hold finite coefficients"):
+        import_files([tmp_path / "tfdata.mat"], **{**SAID, "quantity": None})

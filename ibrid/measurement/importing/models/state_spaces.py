@@ -90,6 +90,13 @@ def _fraction_tables(
             f"{where} must hold numerators and denominators as cells of 2 x 2, voltages to "
             f"currents of the terminals; found others, in MATLAB: {keeping}."
         )
+    if not all(np.isfinite(one).all() for one in (*tops, *bottoms)) or not all(
+        map(np.any, bottoms)
+    ):
+        raise SweepError(
+            f"{where} must hold finite coefficients, not all of a denominator 0; found others, "
+            "save the model again."
+        )
     held = {name.removeprefix(place): value for name, value in arrays.items()}
     require_plain_responses(arrays, where)
     period = _period(held, where)
