@@ -39,6 +39,7 @@ from ibrid.measurement.importing.doubts.polar_units import (
     ask_decibels,
     ask_radians,
     decibels_seen,
+    mind_decibels_of_power,
 )
 from ibrid.measurement.importing.doubts.units_at_rest import (
     LARGEST_PU,
@@ -178,6 +179,8 @@ def part_of(table: ForeignTable, account: Account, *, several: bool) -> Part:
     ask_radians(table, of_entries, quantity.letter, account)
     seen = "no" if decibel else decibels_seen(of_entries, frequency, matrix, quantity.letter, frame)
     unit, factor = _unit(table, of_entries, quantity, told, account, seen)
+    if frame == "dq":
+        mind_decibels_of_power(of_entries, frequency, matrix, quantity.letter, account)
     matrix = matrix * factor
     if not told.get("quantity"):
         ask_which_matrix(table, sources, frame, matrix, account)

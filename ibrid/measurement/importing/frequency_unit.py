@@ -69,7 +69,8 @@ def in_hertz(
         )
     radians = measure[0] == "angular frequency"
     unsaid = not said and not angular
-    shown = "Hz, as nothing says otherwise" if unsaid else "rad/s" if radians else "Hz"
+    of_radians = "krad/s" if measure[1] == 1e3 else "rad/s"
+    shown = "Hz, as nothing says otherwise" if unsaid else of_radians if radians else "Hz"
     account.read(
         "frequency", name, f"{shown} ({words} stands beside it)" if words and not mapped else shown
     )

@@ -124,12 +124,17 @@ def directions_of(
                 f"{key}: {choices[key][0]}, as the lowest frequencies show if {_RIGHT[key]} (else "
                 f"{other})"
             )
-        else:
+        elif key != "current" or not _asks_beside_frame(account):
             account.ask(DIRECTIONS[key] + f" ({_UNUSUAL[key]})" * (len(left) == 1), usual, other)
     return tuple(
         word[0] if len(word) == 1 else first
         for word, first in zip(choices.values(), readings[0], strict=True)
     )
+
+
+def _asks_beside_frame(account: Account) -> bool:
+    """Whether the question for the angle of the frame asks for the way of the current too."""
+    return any("--frame-deg" in one and "--current" in one for one in map(str, account.questions))
 
 
 def says_directions(told: Mapping[str, Any]) -> bool:
@@ -206,8 +211,14 @@ def frame_of(plain: Sweep, current_said: bool, account: Account) -> tuple[float,
     )
     quarters = [round(float(np.degrees(half_turn(one + np.pi / 2)))) for one in frame.angles]
     quarter = ",".join(map(str, quarters))
-    twin = [f"--frame-deg {quarter} --current in"] if frame.twin and not current_said else []
-    account.ask(words, f"--frame-deg {shown}", *twin, "--frame-deg 0")
+    into = frame.sign < 0 and not current_said
+    answers = [f"--frame-deg {shown}{' --current in' * into}"]
+    if frame.twin and not current_said:
+        answers.append(f"--frame-deg {quarter}{' --current in' * (not into)}")
+    if into:
+        words += f", and {DIRECTIONS['current']} ({_UNUSUAL['current']})"
+        answers.append(f"--frame-deg {shown} --current out")
+    account.ask(words, *answers, "--frame-deg 0")
     return degrees
 
 

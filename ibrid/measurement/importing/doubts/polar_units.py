@@ -4,7 +4,7 @@ Law: the entries of a device are rational functions with common poles. Decibels 
 are none, so that a vector fit of the right reading leaves far less over.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Literal
 
 import numpy as np
@@ -50,7 +50,7 @@ def decibels_seen(
     if not unsaid or largest > _MOST_DECIBELS:
         return "no"
     if frame == "dq":
-        return _nearer_reading(frequency, values, letter)
+        return _nearer_reading(frequency, values, letter, lambda size: 10 ** (size / 20))
     return "perhaps" if np.nanmin(size, initial=np.inf) > largest / _DECADES else "no"
 
 
@@ -65,9 +65,41 @@ def ask_decibels(sources: Sequence[Source], letter: str, account: Account) -> No
     )
 
 
-def _nearer_reading(frequency: np.ndarray, values: np.ndarray, letter: str) -> Seen:
-    """Whether the first run of rows is far nearer to a proper rational function as it stands, or as
-    decibels; impedances, which grow with frequency, as their inverses.
+def mind_decibels_of_power(
+    sources: Sequence[Source],
+    frequency: np.ndarray,
+    values: np.ndarray,
+    letter: str,
+    account: Account,
+) -> None:
+    """Remark where decibels are probably 10 log10 of the magnitudes, not 20: they are far nearer to
+    a rational function once they are doubled.
+
+    values : complex, (K, 4), in dq, with 20 log10.
+    """
+    units = [
+        unit_of(source.unit or meaning_of(source.columns[0]).unit)
+        for source in sources
+        if source.joined == "@"
+    ]
+    if len(units) < 4 or any(unit is None or unit[0] != "decibel" for unit in units):
+        return
+    if _nearer_reading(frequency, values, letter, np.square) == "likely":
+        account.remark(
+            "its decibels are probably 10 log10 of the magnitudes, where 20 log10 is read: only "
+            "once they are doubled are the entries those of a linear device; double them in the "
+            "file"
+        )
+
+
+def _nearer_reading(
+    frequency: np.ndarray,
+    values: np.ndarray,
+    letter: str,
+    reread: Callable[[np.ndarray], np.ndarray],
+) -> Seen:
+    """Whether the first run of rows is far nearer to a proper rational function as it stands, or
+    with its magnitudes read anew; impedances, which grow with frequency, as their inverses.
     """
     turn = np.flatnonzero(np.diff(frequency) <= 0)
     rows = np.arange(turn[0] + 1 if len(turn) else len(frequency))
@@ -76,8 +108,7 @@ def _nearer_reading(frequency: np.ndarray, values: np.ndarray, letter: str) -> S
         return "perhaps"
     rows = rows[:: -(-len(rows) // _ROWS)]
     hertz, matrix = frequency[rows], values[rows].reshape(-1, 2, 2)
-    decibels = np.exp(1j * np.angle(matrix)) * 10 ** (np.abs(matrix) / 20)
-    readings = [matrix, decibels]
+    readings = [matrix, np.exp(1j * np.angle(matrix)) * reread(np.abs(matrix))]
     if any((np.linalg.det(one) == 0).any() for one in readings):
         return "perhaps"
     if letter == "Z":
