@@ -5,6 +5,8 @@ not at all.
 import contextlib
 import os.path
 import re
+import shlex
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,6 +27,7 @@ _WRITTEN = {
     "cp949": "주파수|실수|허수|실부|허부|전압|전류|시간|위상|크기",
     "cp932": "時間|周波数|電圧|電流|実部|虚部|実数|虚数|位相|[\u3041-\u30fa]{2}",
     "gb2312": "[\u4e00-\u9fff]{2}",
+    "gb18030": "频率|電壓|電流|頻率|电压|电流|时间|实部|虚部|有功|无功|导纳|阻抗|幅值|相角|相位",
     "cp1252": "",
 }
 LONGEST_LINE = 20_000
@@ -47,7 +50,10 @@ def _unpacked_bytes(path: Path) -> bytes:
         return bundle.unpacked(content, path)
     try:
         if path.is_dir():
-            raise SweepError(f"{path} must be a file; found a folder, name one of the files in it.")
+            raise SweepError(
+                f"{path} must be a file; found a folder, name one of the files in it"
+                f"{_all_of(path)}."
+            )
         if not path.exists():
             raise SweepError(f"{path} must exist; found nothing there, check the path.")
         if not path.is_file():
@@ -73,6 +79,16 @@ def _unpacked_bytes(path: Path) -> bytes:
         raise SweepError(
             f"{str(path)!r} must be readable; {getattr(reason, 'strerror', None) or reason}."
         ) from reason
+
+
+def _all_of(folder: Path) -> str:
+    """The command that reads the files of a folder which end as most of them do; "" of none."""
+    names = sorted(one.name for one in folder.iterdir() if one.is_file() and one.name[0] != ".")
+    endings = Counter(Path(name).suffix for name in names if not name.endswith(".meta"))
+    if not endings:
+        return ""
+    ending = endings.most_common(1)[0][0]
+    return f", or all at once: ibrid import {shlex.quote(str(folder))}/*{ending} --out read.csv"
 
 
 def read_lines(path: Path) -> list[str]:

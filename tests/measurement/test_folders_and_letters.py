@@ -1,0 +1,55 @@
+"""A folder in place of its files, letters of Chinese that are not in GB2312, MTB's names."""
+
+import numpy as np
+import pytest
+
+import ibrid
+from ibrid.measurement.formats.files import decoded
+from ibrid.measurement.importing.timed.signal_names import signal_of
+
+
+@pytest.mark.parametrize("called", ["scans", "my scans"])
+def test_a_folder_names_the_command_that_reads_its_files(tmp_path, called):
+    folder = tmp_path / called
+    folder.mkdir()
+    for name in ("a.csv", "b.csv", "b.csv.meta", "notes.txt", ".hidden"):
+        (folder / name).write_text("f,Ydd\n1,2\n")
+    quoted = f"'{folder}'" if " " in called else str(folder)
+    with pytest.raises(ibrid.IbridError, match="must be a file; found a folder") as raised:
+        ibrid.read_sweep(folder)
+    assert f"or all at once: ibrid import {quoted}/*.csv --out read.csv." in str(raised.value)
+
+
+def test_an_empty_folder_names_no_command(tmp_path):
+    with pytest.raises(ibrid.IbridError, match=r"name one of the files in it\.$"):
+        ibrid.read_sweep(tmp_path)
+
+
+@pytest.mark.parametrize("words", ["频率,導纳实部 镕", "时间 (s),电压 喆", "頻率,電壓"])
+def test_letters_of_chinese_beyond_gb2312_are_read(words):
+    with pytest.raises(UnicodeEncodeError):
+        words.encode("gb2312")
+    assert decoded(words.encode("gbk")) == words
+
+
+@pytest.mark.parametrize("words", ["Größe,Länge,Übergang", "fréquence,énergie réactive", "señal"])
+def test_words_of_europe_are_none_of_chinese(words):
+    assert decoded(words.encode("cp1252")) == words
+
+
+def test_names_of_mtb_say_quantity_phase_and_unit():
+    names = [r"MTB\P_pu_PoC", r"MTB\Q_pu_PoC", r"MTB\fft_pos_Vmag_pu", r"MTB\fft_pos_Id_pu"]
+    read = [signal_of(name) for name in (*names, "s:ppoc_pu", "s:qpoc_pu")]
+    assert {one.dimension for one in read} == {"per unit"}
+    assert [one.quantity for one in read] == ["p", "q", "v", "i", "p", "q"]
+
+
+def test_a_network_of_scikit_rf_in_siemens_is_its_admittance():
+    skrf = pytest.importorskip("skrf")
+    frequency = np.array([1.0, 10.0, 100.0])
+    matrix = np.array([[[1 + k, 0.2j], [-0.2j, 1 - k * 1j]] for k in range(3)]) * 0.01
+    network = skrf.Network(f=frequency, f_unit="hz", z0=50, y=matrix)
+    keys = {"p": 0.8, "q": 0.1, "s_base_va": 10e3, "v_base_v": 400.0, "f0_hz": 50}
+    (point,) = ibrid.read_sweep(network, **keys).points
+    np.testing.assert_allclose(point.frequency, frequency)
+    assert abs(point.admittance) == pytest.approx(abs(matrix) * 400**2 / 10e3)
