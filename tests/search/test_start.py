@@ -4,6 +4,7 @@ import json
 import shlex
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,6 +21,8 @@ import ibrid
 from ibrid import cli
 from ibrid.measurement.formats.csv_file import write_sweep
 from ibrid.schemas import schema
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "data" / "examples"
 
 
 def few(monkeypatch: pytest.MonkeyPatch, **settings) -> None:
@@ -167,6 +170,33 @@ def test_a_foreign_table_that_says_everything_is_started_on_as_it_is(tmp_path, c
     (file,) = makes["tidy rows"].write(truth, tmp_path)
     assert cli.main(["start", str(file), "--out", str(tmp_path / "out")]) == 2
     assert "--unit pu or --unit S" in capsys.readouterr().err
+
+
+def test_records_whose_file_does_not_say_the_frequency_are_started_on_with_it(
+    tmp_path, monkeypatch, capsys
+):
+    """Commands that go on have no option for it: they take the records as they were read."""
+    fault, out = str(EXAMPLES / "fault.csv"), tmp_path / "out"
+    given = []
+    fit = SimpleNamespace(diagram="gfl", grade="explains", nrmse=0.01)
+
+    def answered(data, **_):
+        return SimpleNamespace(data=data, warnings=(), sentence="", ranked=(fit,), next=())
+
+    def written(result, data, folder, options):
+        given.append((result.data.f0_hz, data, options))
+        return result
+
+    monkeypatch.setattr("ibrid_search.starting.start.start", answered)
+    monkeypatch.setattr("ibrid_search.starting.start_files.write_start", written)
+    words = ["start", fault, "--base", "50kVA,690V", "--f0-hz", "60", "--out", str(out)]
+    assert cli.main(words) == 0
+    assert given == [(60.0, str(out / "events.csv"), [])]
+    assert ibrid.read_events(out / "events.csv").f0_hz == 60.0
+    capsys.readouterr()
+    assert cli.main(["start", "paper_like", "--f0-hz", "60", "--out", str(tmp_path / "no")]) == 2
+    assert "ibrid import paper_like --f0-hz 60" in capsys.readouterr().err
+    assert not (tmp_path / "no").exists()
 
 
 @pytest.fixture(scope="module")
