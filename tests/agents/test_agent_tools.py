@@ -443,6 +443,19 @@ def test_places_stay_those_of_the_diagnosis_that_was_told_while_its_edits_are_ev
     assert evaluated[2]["same_as"] == 1
 
 
+@pytest.mark.slow
+def test_the_smaller_of_two_models_that_noise_explains_is_finished_without_a_doubt():
+    clean = ibrid.read_sweep(ibrid.benchmarks()["gfl_l_filter"])
+    noisy = add_noise(clean, 50.0, rng=np.random.default_rng(3))
+    bench = Workbench(Logbook(Study(noisy), fit=BRIEF))
+    small, large = (
+        ask(bench, "evaluate_program", name=name) for name in ("gfl_l_filter", "gfl_two_degrees")
+    )
+    assert small["grade"] == large["grade"] == "explains"
+    assert small["free_parameters"] < large["free_parameters"]
+    assert ask(bench, "finish", step=small["step"], reasons="smaller")["doubts"] == []
+
+
 def test_a_published_control_is_evaluated_by_its_name(few: Sweep):
     bench = Workbench(Logbook(Study(replace(few, notes=("by name",))), fit=BRIEF))
     by_name = ask(bench, "evaluate_program", name="naive")

@@ -99,8 +99,18 @@ class Workbench(Tools):
         doubts = [f"unstable at {op}" for op, stable in record.stable.items() if not stable]
         if graded(record) is not Grade.EXPLAINS:
             doubts.append(f"it leaves more than noise: {verdict(record)}")
+        if record.at_bound:
+            doubts.append(
+                f"{', '.join(record.at_bound)} at the end of what is allowed: the part does "
+                "nothing there, or another kind belongs in its place"
+            )
         best = self.logbook.best(1)
-        if best and best[0].step != step:
+        explained_by_less = (
+            graded(record) is Grade.EXPLAINS
+            and bool(best)
+            and record.free_parameters < best[0].record.free_parameters
+        )
+        if best and best[0].step != step and not explained_by_less:
             doubts.append(
                 f"step {best[0].step} is more plausible (NRMSE {best[0].record.nrmse:.3g})"
             )
