@@ -1,5 +1,6 @@
 """Sweeps from DataFrames and arrays."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +10,14 @@ from ibrid.errors import SweepError
 from ibrid.measurement.formats.csv_file import parse_csv
 from ibrid.measurement.formats.frd import from_responses
 from ibrid.measurement.formats.response_labels import require_d_first
-from ibrid.measurement.importing.foreign_table import frame_table
+from ibrid.measurement.importing.column_words import meaning_of
+from ibrid.measurement.importing.foreign_table import ForeignTable, array_table, frame_table
 from ibrid.measurement.importing.importing import import_tables
 from ibrid.measurement.importing.numbers.number_format import number_format, without_format
 from ibrid.measurement.sweeps.sweep import Sweep
+
+#: An axis that counts what was injected.
+_INPUT = re.compile("in(?!dex)|col|source|inj|from", re.IGNORECASE)
 
 
 def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
@@ -39,6 +44,9 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
                 "read_sweep(network, p=0.8, q=0.1, s_base_va=10e3, v_base_v=400)."
             )
         return from_responses(frequency, matrix, **{**told, **keys})
+    if matrices := _of_xarray(data):
+        form = number_format(keys)
+        return _imported(array_table(matrices, type(data).__name__, "op", form=form), keys)
     if not isinstance(data, str | Path) and callable(
         to_frame := getattr(data, "to_dataframe", None)
     ):
@@ -58,10 +66,39 @@ def sweep_of_data(data: Any, keys: dict[str, Any]) -> Sweep:
             Path("DataFrame"),
             {**getattr(data, "attrs", {}), **keys},
         )
+    return _imported(frame_table(data, number_format(keys)), keys)
+
+
+def _imported(table: ForeignTable, keys: dict[str, Any]) -> Sweep:
     maps = keys.pop("map", ())
     maps = [maps] if isinstance(maps, str) else maps
-    form, keys = number_format(keys), without_format(keys)
-    return import_tables([frame_table(data, form)], maps, **keys).answered()
+    return import_tables([table], maps, **without_format(keys)).answered()
+
+
+def _of_xarray(data: Any) -> dict[str, np.ndarray]:
+    """Arrays by name of a DataArray or Dataset that holds a matrix at each frequency, the output
+    before the input, with what its attributes tell; empty for anything else.
+    """
+    if not (hasattr(data, "dims") and hasattr(data, "coords") and hasattr(data, "attrs")):
+        return {}
+    arrays = {str(name): np.asarray(one) for name, one in data.attrs.items() if np.ndim(one) == 0}
+    stacks = False
+    for name, one in dict(getattr(data, "data_vars", {getattr(data, "name", ""): data})).items():
+        axes = [*map(str, one.dims)]
+        grid = next((axis for axis in axes if meaning_of(axis).role in ("freq", "omega")), "")
+        others = [axis for axis in axes if axis != grid]
+        if grid not in one.coords or len(others) != 2:
+            arrays[str(name)] = np.asarray(one.values)
+            continue
+        others = others[::-1] if _INPUT.match(others[0]) and not _INPUT.match(others[1]) else others
+        for axis in others:
+            if axis in one.coords:
+                labels = [*map(str, np.asarray(one.coords[axis].values).tolist())]
+                require_d_first(labels, f"{axis} of the {type(data).__name__}")
+        arrays[grid] = np.asarray(one.coords[grid].values)
+        arrays[str(name or "matrix")] = np.asarray(one.transpose(grid, *others).values)
+        stacks = True
+    return arrays if stacks else {}
 
 
 def _with_index(data: Any) -> Any:

@@ -53,3 +53,47 @@ def test_a_network_of_scikit_rf_in_siemens_is_its_admittance():
     (point,) = ibrid.read_sweep(network, **keys).points
     np.testing.assert_allclose(point.frequency, frequency)
     assert abs(point.admittance) == pytest.approx(abs(matrix) * 400**2 / 10e3)
+
+
+class Labelled:
+    """What of a DataArray of xarray is read."""
+
+    def __init__(self, values, dims, coords, name="Y"):
+        self.values, self.dims, self.coords = values, dims, coords
+        self.name, self.attrs = name, {"p": 0.8, "q": 0.1}
+
+    def transpose(self, *dims):
+        order = [self.dims.index(axis) for axis in dims]
+        return Labelled(self.values.transpose(order), dims, self.coords, self.name)
+
+    def to_dataframe(self):
+        raise AssertionError("a matrix is no column")
+
+
+@pytest.mark.parametrize(
+    ("dims", "order"),
+    [
+        (("freq", "row", "column"), (0, 1, 2)),
+        (("output", "input", "freq"), (1, 2, 0)),
+        (("freq", "input", "output"), (0, 2, 1)),
+    ],
+)
+def test_a_matrix_with_named_axes_is_read_with_its_output_first(dims, order):
+    numbers = np.random.default_rng(1).normal(size=(2, 5, 2, 2))
+    matrix = numbers[0] + 1j * numbers[1]
+    axis = Labelled(np.array([1.0, 3.0, 10.0, 40.0, 300.0]), (), {})
+    labels = Labelled(np.array(["d", "q"]), (), {})
+    coords = {"freq": axis, dims[1]: labels}
+    said = {"unit": "pu", "f0_hz": 60, "current": "out", "q_axis": "leads", "voltage_axis": "d"}
+    sweep = ibrid.read_sweep(Labelled(matrix.transpose(order), dims, coords), **said)
+    np.testing.assert_allclose(sweep.points[0].admittance, matrix)
+    assert (sweep.points[0].op.p, sweep.points[0].op.q) == (0.8, 0.1)
+
+
+def test_a_matrix_whose_axes_name_q_first_is_refused():
+    axis = Labelled(np.array([1.0, 3.0, 10.0]), (), {})
+    labels = Labelled(np.array(["q", "d"]), (), {})
+    coords = {"freq": axis, "row": labels}
+    given = Labelled(np.ones((3, 2, 2)) * 1j, ("freq", "row", "column"), coords)
+    with pytest.raises(ibrid.IbridError, match="must name d before q"):
+        ibrid.read_sweep(given, unit="pu")
