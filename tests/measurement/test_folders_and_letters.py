@@ -1,5 +1,7 @@
 """A folder in place of its files, letters of Chinese that are not in GB2312, MTB's names."""
 
+import importlib.util
+
 import numpy as np
 import pytest
 
@@ -97,3 +99,11 @@ def test_a_matrix_whose_axes_name_q_first_is_refused():
     given = Labelled(np.ones((3, 2, 2)) * 1j, ("freq", "row", "column"), coords)
     with pytest.raises(ibrid.IbridError, match="must name d before q"):
         ibrid.read_sweep(given, unit="pu")
+
+
+def test_a_package_that_is_missing_is_to_be_installed_and_nothing_saved_again(tmp_path):
+    if importlib.util.find_spec("mhi"):
+        pytest.skip("mhi-psout is installed")
+    (tmp_path / "run.psout").write_bytes(b"\0" * 64)
+    with pytest.raises(ibrid.IbridError, match=r"pip install mhi-psout .* or export csv\)\.$"):
+        ibrid.read_events(tmp_path / "run.psout")

@@ -71,7 +71,8 @@ def guarded(
                 one if one.isprintable() else " "
                 for one in answer.read(160).decode(errors="replace")
             )
-            raise SweepError(f"{what}; it cannot be read ({why}), save it again.")
+            again = "" if "pip install" in why else ", save it again"
+            raise SweepError(f"{what}; it cannot be read ({why}){again}.")
         with contextlib.suppress(
             OSError, ValueError, KeyError, EOFError, BadZipFile
         ):  # half an answer is none
