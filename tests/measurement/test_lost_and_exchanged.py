@@ -87,7 +87,7 @@ def test_impedances_in_ohm_called_siemens_are_named_with_their_inductance(z_base
     (said,) = [one for one in inspect(sweep).warnings if "probably hold impedances" in one]
     assert "as such 0.15 per unit" in said
     assert "Zdd .. with unit: ohm" in said
-    assert "--map Zdd=RE+jIM" in said
+    assert 'map="Zdd=RE+jIM"' in said
 
 
 def test_a_capacitor_that_may_be_there_is_said_and_one_of_no_filter_is_not():
@@ -156,7 +156,7 @@ def test_imaginary_parts_that_are_all_zero_are_named(entries, letter):
     letter = "Y" if len(entries) == 4 else letter  # the inverse of a real matrix is real
     named = ", ".join(f"{letter}{entry}" for entry in entries)
     assert said.startswith(f"the imaginary parts of {named} are zero in all rows while")
-    assert f"--map {letter}{entries[0]}=RE+jIM" in said
+    assert f'map="{letter}{entries[0]}=RE+jIM"' in said
 
 
 def test_real_parts_that_are_all_zero_are_named_at_their_operating_point():

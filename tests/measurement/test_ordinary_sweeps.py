@@ -191,9 +191,9 @@ def test_entries_of_a_long_table_must_be_of_one_matrix_in_one_unit(tmp_path, cap
         assert said in capsys.readouterr().err
 
 
-def test_a_matrix_of_more_ports_without_names_is_asked_for(tmp_path, capsys):
+def test_of_a_matrix_of_more_ports_without_names_it_is_said_what_is_taken(tmp_path, capsys):
     for ports in (3, 4):
-        matrix = np.ones((ports, ports, len(FREQUENCY)), dtype=complex)
+        matrix = np.random.default_rng(ports).normal(size=(ports, ports, len(FREQUENCY))) + 0j
         savemat(tmp_path / "ports.mat", {"f": FREQUENCY, "Y": matrix})
         assert main(["import", str(tmp_path / "ports.mat"), "--out", str(tmp_path / "o.csv")]) == 2
         assert f"Y is {ports}x{ports} at each frequency" in capsys.readouterr().err
