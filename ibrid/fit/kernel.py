@@ -296,52 +296,19 @@ def respond_with_derivatives(
 
 
 @njit(**OPTIONS)
-def _take_one_by_one(
-    values,
-    derivatives,
-    rows,
-    columns,
-    d_entry,
-    d_parameter,
-    delay_parameter,
-    delays,
-    s,
-    excitation,
-    parameters,
-    workspace,
-    space,
-):
-    """Y and its derivatives, of no `parameters` none, at each of s (LANES,) by itself into a
-    workspace of lanes; False where one is singular.
+def _put_in_lanes(response, derivative, size, slopes_place, numbers):
+    """Write answers (LANES, 2, 2) and derivatives (LANES, 2, 2, P) where a workspace of lanes has
+    them.
     """
-    _, pivots, _, _, y, _, dy = workspace
-    numbers, (_, _, _, slopes, _, _), _, _, _, _, _ = space
     for lane in range(LANES):
-        if not _respond(
-            values, rows, columns, delays, s[lane], excitation[lane], parameters > 0, workspace
-        ):
-            return False
-        if parameters > 0:
-            _differentiate(
-                derivatives,
-                rows,
-                columns,
-                d_entry,
-                d_parameter,
-                delay_parameter,
-                delays,
-                s[lane],
-                workspace,
-            )
         for entry in range(4):
-            at = answer_place(entry, pivots.size) + lane
-            answered = y[entry // 2, entry % 2]
-            numbers[at], numbers[at + LANES] = answered.real, answered.imag
-            for p in range(parameters):
-                at = slopes + p * MATRIX + entry * WIDTH + lane
-                slope = dy[p, entry]
-                numbers[at], numbers[at + LANES] = slope.real, slope.imag
-    return True
+            a, b = entry // 2, entry % 2
+            at = answer_place(entry, size) + lane
+            numbers[at], numbers[at + LANES] = response[lane, a, b].real, response[lane, a, b].imag
+            for p in range(derivative.shape[3]):
+                at = slopes_place + p * MATRIX + entry * WIDTH + lane
+                numbers[at] = derivative[lane, a, b, p].real
+                numbers[at + LANES] = derivative[lane, a, b, p].imag
 
 
 @njit(**OPTIONS)
@@ -396,16 +363,15 @@ def normal_equations(
     cost = np.zeros(batch)
     gradient = np.zeros((batch, parameters))
     hessian = np.zeros((batch, parameters, parameters))
-    parts = -(-number // LANES) * MATRIX
-    residuals = np.zeros((batch, parts))
-    slopes = np.zeros((batch if with_slopes else 1, parameters, parts))
-    workspace = _workspace(size, rows.size, parameters)
+    # the last frequency again, without weight, where a group is not full
+    taken = np.minimum(np.arange(-(-number // LANES) * LANES), number - 1)
+    s, excitations = line[taken], excitation[taken]
+    residuals = np.zeros((batch, taken.size * PARTS))
+    slopes = np.zeros((batch if with_slopes else 1, parameters, taken.size * PARTS))
     space = lane_workspace(size, parameters)
     numbers, places = space[0], space[1]
     _, _, _, slopes_place, residual_place, factor_place = places
-    # the last frequencies again, without weight, where a group is not full
-    taken = np.minimum(np.arange(-(-number // LANES) * LANES), number - 1)
-    s, excitations = line[taken], excitation[taken]
+    no_derivative = np.zeros((LANES, 2, 2, 0), dtype=np.complex128)
     for start in range(batch):
         total = 0.0
         for begin in range(0, number, LANES):
@@ -417,23 +383,27 @@ def normal_equations(
                 differentiate_in_lanes(
                     derivatives[start], rows, columns, d_parameter, delay_parameter, plan, space
                 )
-            if not together and not _take_one_by_one(
-                values[start],
-                derivatives[start],
-                rows,
-                columns,
-                d_entry,
-                d_parameter,
-                delay_parameter,
-                delays[start],
-                s[group],
-                excitations[group],
-                parameters,
-                workspace,
-                space,
-            ):
-                total = np.inf
-                break
+            if not together and with_gradient:
+                response, derivative = respond_with_derivatives(
+                    values[start],
+                    derivatives[start],
+                    rows,
+                    columns,
+                    d_entry,
+                    d_parameter,
+                    delay_parameter,
+                    delays[start],
+                    s[group],
+                    excitations[group],
+                    size,
+                    parameters,
+                )
+                _put_in_lanes(response, derivative, size, slopes_place, numbers)
+            elif not together:
+                response = answer(
+                    values[start], rows, columns, delays[start], s[group], excitations[group], size
+                )
+                _put_in_lanes(response, no_derivative, size, slopes_place, numbers)
             for entry in range(4):
                 a, b = entry // 2, entry % 2
                 answered = answer_place(entry, size)

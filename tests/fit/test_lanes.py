@@ -89,6 +89,9 @@ def test_frequencies_at_once_have_the_answers_that_they_have_one_by_one(name: st
         assert usable.any()
         np.testing.assert_array_equal(np.isfinite(first.cost), np.isfinite(second.cost))
         np.testing.assert_allclose(first.cost[usable], second.cost[usable], rtol=1e-8)
+        for one, equations in ((together, first), (alone, second)):
+            costs = one.costs(x, objective)
+            np.testing.assert_allclose(costs[usable], equations.cost[usable], rtol=1e-9)
         for start in np.flatnonzero(usable):
             for one, other in ((first.gradient, second.gradient), (first.hessian, second.hessian)):
                 scale = np.abs(other[start]).max()

@@ -196,4 +196,6 @@ def test_of_a_matrix_of_more_ports_without_names_it_is_said_what_is_taken(tmp_pa
         matrix = np.random.default_rng(ports).normal(size=(ports, ports, len(FREQUENCY))) + 0j
         savemat(tmp_path / "ports.mat", {"f": FREQUENCY, "Y": matrix})
         assert main(["import", str(tmp_path / "ports.mat"), "--out", str(tmp_path / "o.csv")]) == 2
-        assert f"Y is {ports}x{ports} at each frequency" in capsys.readouterr().err
+        said = capsys.readouterr().err
+        assert f"Y is {ports}x{ports} at each frequency" in said
+        assert "if they stand in another order, save the 2x2 block of d and q" in said

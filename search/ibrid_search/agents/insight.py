@@ -33,8 +33,10 @@ ROWS, RANKED, TRIED = 16, 8, 8
 #: Shipped diagrams that are listed.
 LISTED = 12
 #: What the errors of a diagnosis are: where the noise is known, and where it is not.
-_WEIGHTED = "residuals in sigma times noise_leaves: what is measured well counts more than in NRMSE"
-_SCREENED = "of a few descents on part of the data, as step_screened, to which they compare"
+_WEIGHTED = (
+    "noise_leaves times the residual in sigma, so that accurate entries weigh more than in NRMSE"
+)
+_SCREENED = "those of edits come from a brief fit to part of the data: compare with step_screened"
 #: Looks that are ranked for each that is told: different edits may lead to one structure.
 TWICE = 2
 

@@ -70,7 +70,8 @@ def with_ports(
             }
             remarks.append(
                 f"{bare} is {ports}x{ports} at each frequency: its first two rows and columns are "
-                "taken as d and q, the others as further ports x3 .."
+                "taken as d and q, the others as further ports; if they stand in another order, "
+                "save the 2x2 block of d and q"
             )
         for entry, value in entries.items():
             columns[first.format(entry)] = np.real(value)
