@@ -144,11 +144,11 @@ def _eliminate(numbers, couples, coupled, order, waiting, behind):
         best, pivot = 0.0, -1
         for row in range(size):
             if waiting[row] and coupled[row, column]:
-                found = magnitude(numbers, (row * whole + column) * WIDTH)
+                candidate = magnitude(numbers, (row * whole + column) * WIDTH)
                 if row == column:
-                    found *= DIAGONAL_PREFERRED
-                if found > best:
-                    best, pivot = found, row
+                    candidate *= DIAGONAL_PREFERRED
+                if candidate > best:
+                    best, pivot = candidate, row
         if pivot < 0:
             return False
         order[column], waiting[pivot] = pivot, False

@@ -171,11 +171,11 @@ def add_scaled_matrix(lanes: _Writer, at: Any, other: Any, scale: Any) -> None:
 
 
 @_operation(_PLACE, _PLACE, returns=_REAL)
-def dot_matrices(lanes: _Writer, one: Any, other: Any) -> Any:
+def dot_matrices(lanes: _Writer, first: Any, second: Any) -> Any:
     """The sum of the products of the real and of the imaginary parts of two matrices (2, 2), over
     their entries and lanes.
     """
-    products = [lanes.multiply(lanes.read(one, k), lanes.read(other, k)) for k in range(PARTS)]
+    products = [lanes.multiply(lanes.read(first, k), lanes.read(second, k)) for k in range(PARTS)]
     total = products[0]
     for product in products[1:]:
         total = lanes.add(total, product)

@@ -83,20 +83,22 @@ def _of_xarray(data: Any) -> dict[str, np.ndarray]:
         return {}
     arrays = {str(name): np.asarray(one) for name, one in data.attrs.items() if np.ndim(one) == 0}
     stacks = False
-    for name, one in dict(getattr(data, "data_vars", {getattr(data, "name", ""): data})).items():
-        axes = [*map(str, one.dims)]
+    for name, variable in dict(
+        getattr(data, "data_vars", {getattr(data, "name", ""): data})
+    ).items():
+        axes = [*map(str, variable.dims)]
         grid = next((axis for axis in axes if meaning_of(axis).role in ("freq", "omega")), "")
         others = [axis for axis in axes if axis != grid]
-        if grid not in one.coords or len(others) != 2:
-            arrays[str(name)] = np.asarray(one.values)
+        if grid not in variable.coords or len(others) != 2:
+            arrays[str(name)] = np.asarray(variable.values)
             continue
         others = others[::-1] if _INPUT.match(others[0]) and not _INPUT.match(others[1]) else others
         for axis in others:
-            if axis in one.coords:
-                labels = [*map(str, np.asarray(one.coords[axis].values).tolist())]
+            if axis in variable.coords:
+                labels = [*map(str, np.asarray(variable.coords[axis].values).tolist())]
                 require_d_first(labels, f"{axis} of the {type(data).__name__}")
-        arrays[grid] = np.asarray(one.coords[grid].values)
-        arrays[str(name or "matrix")] = np.asarray(one.transpose(grid, *others).values)
+        arrays[grid] = np.asarray(variable.coords[grid].values)
+        arrays[str(name or "matrix")] = np.asarray(variable.transpose(grid, *others).values)
         stacks = True
     return arrays if stacks else {}
 

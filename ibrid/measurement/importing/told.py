@@ -266,13 +266,13 @@ def current_in_words(notes: Iterable[str]) -> tuple[str, str] | None:
     """Which way the current counts, `in` or `out`, and the sentence that says it; None where none
     does, or two say different ways.
     """
-    found: dict[str, str] = {}
+    sentences: dict[str, str] = {}
     for note in notes:
         said = _CURRENT_IN_WORDS.search(note)
         if said and _COUNTS.search(note) and not _NOT.search(note):
             away = _OUT_OF.fullmatch(said["way"]) is not None
-            found[("in", "out")[away == bool(said["device"])]] = note.strip("#%! ")
-    return found.popitem() if len(found) == 1 else None
+            sentences[("in", "out")[away == bool(said["device"])]] = note.strip("#%! ")
+    return sentences.popitem() if len(sentences) == 1 else None
 
 
 def point_said(text: str) -> tuple[str, dict[str, tuple[float, str]]]:
