@@ -69,8 +69,13 @@ class Insight:
             ranked=RANKED,
             tried=TRIED,
             views=list(_VIEWS),
-            diagrams=list(shipped_names()),
+            diagrams=self.diagrams,
         )
+
+    @property
+    def diagrams(self) -> list[str]:
+        """Names of the published controls that ship."""
+        return list(shipped_names())
 
     def show_data(
         self, op: str | None = None, view: str = "Y", low: float = 0.0, high: float = float("inf")

@@ -10,7 +10,6 @@ from ibrid.errors import IbridError
 from ibrid.evaluation.grade import Grade
 from ibrid.fit.settings import EFFORTS, FitSettings, fit_settings
 from ibrid.report.facts.verdict import graded, verdict
-from ibrid.structure.diagrams.library import shipped_names, textbook_text
 from ibrid.structure.diagrams.program import LONGEST_PROGRAM, program_text
 from ibrid.study import Study
 from ibrid.writing import PlainData
@@ -40,7 +39,7 @@ class Workbench(Tools):
             longest_program=LONGEST_PROGRAM,
             longest_reasons=LONGEST_REASONS,
             efforts=list(EFFORTS),
-            diagrams=list(shipped_names()),
+            diagrams=self.insight.diagrams,
         )
         return (*own, *self.reading)
 
@@ -60,7 +59,7 @@ class Workbench(Tools):
                 "evaluate_program takes a program or the name of a shipped diagram; give one"
             )
         if program is None:
-            program = textbook_text(str(name))
+            program = str(self.insight.read_diagram(name=name)["program"])
         best = self.logbook.best(1)
         study, fit = self._asked(settings or {})
         step = self.logbook.submit(program, note=note, parent=parent, study=study, fit=fit)

@@ -57,6 +57,17 @@ def open_run(
     exists = archive.exists() or file.exists()
     if not resume:
         require_no_run(folder)
+    fresh = not archive.exists() or archive.stat().st_size == 0
+    if (
+        fresh
+        and exists
+        and (found := [name for name in (BEST_RECORD, SELECTION) if (folder / name).exists()])
+    ):
+        raise IbridError(
+            f"{folder}: {ARCHIVE} is missing or empty, while {found[0]} of the run lies beside it; "
+            "put it back, or choose "
+            "another folder"
+        )
     if exists:
         if file.exists():  # refused before anything is written
             require_same(read_run_toml(_text_of(file), str(file)), options, str(file))
@@ -73,17 +84,6 @@ def open_run(
         "settings": run_toml(options),
         "started": time.strftime("%Y-%m-%dT%H:%M:%S%z"),
     }
-    fresh = not archive.exists() or archive.stat().st_size == 0
-    if (
-        fresh
-        and exists
-        and (found := [name for name in (BEST_RECORD, SELECTION) if (folder / name).exists()])
-    ):
-        raise IbridError(
-            f"{folder}: {ARCHIVE} is missing or empty, while {found[0]} of the run lies beside it; "
-            "put it back, or choose "
-            "another folder"
-        )
     begun = True
     try:
         with Store.create(archive, texts) if fresh else Store.open(archive) as store:
