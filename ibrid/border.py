@@ -114,8 +114,17 @@ def takes_kinds(function: Callable[P, T]) -> Callable[P, T]:
     def options() -> tuple[str, ...]:
         return (*names, *_options(_hints(function)))
 
+    @cache
+    def accepted_at() -> tuple[tuple[type, ...], ...]:
+        known = kinds()
+        return tuple(known[name][0] if name in known else (object, str) for name in names)
+
     @wraps(function)
     def checked(*args: P.args, **keywords: P.kwargs) -> T:
+        # in inner loops it is enough that arguments are of their kinds, whatever their entries are
+        inside = _INSIDE.get() and len(required) <= len(args) and (takes_any or not keywords)
+        if inside and all(_is_one(*one, object) for one in zip(args, accepted_at(), strict=False)):
+            return function(*args, **keywords)
         known = kinds()
         if not takes_any and (strange := [name for name in keywords if name not in options()]):
             raise IbridError(
@@ -206,8 +215,11 @@ def methods_take_kinds(made: type[T]) -> type[T]:
 
     @wraps(make)
     def checked(self: T, *args: Any, **keywords: Any) -> None:
-        with _border_of(made.__name__):
+        if _INSIDE.get():
             make(self, *args, **keywords)
+        else:
+            with _border_of(made.__name__):
+                make(self, *args, **keywords)
 
     made.__init__ = checked  # type: ignore[method-assign]
     return made

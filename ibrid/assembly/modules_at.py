@@ -6,12 +6,15 @@ from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
+import numpy as np
+
 from ibrid.assembly.equilibrium import device_equilibria, paper_equilibria
 from ibrid.assembly.joined import Interconnected
 from ibrid.assembly.numbers import zero_of
 from ibrid.assembly.operating_point import Pair
 from ibrid.assembly.signals_at_rest import Parameters, matrices_of
 from ibrid.assembly.terminals import at_terminals, behind_terminals
+from ibrid.errors import OperatingPointError
 from ibrid.modules.delay import pade_state_space
 from ibrid.modules.kind import Matrices
 from ibrid.structure.reading.wiring import PLANT, Wiring
@@ -82,3 +85,18 @@ def _where_it_exists(matrices: Matrices, ports: Mapping[str, Pair]) -> Matrices:
     a, b, c, d = matrices
     mark = zero_of(ports["i_g"][0])
     return [[a[0][0] + mark, *a[0][1:]], *a[1:]], b, c, d
+
+
+def require_finite(matrices: Mapping[str, Matrices]) -> None:
+    """Raise OperatingPointError, with the modules, where matrices in numbers are not finite."""
+    wrong = [
+        label
+        for label, parts in matrices.items()
+        if not all(np.isfinite(np.array(rows, dtype=float)).all() for rows in parts)
+    ]
+    if wrong:
+        raise OperatingPointError(
+            f"the matrices of {', '.join(wrong)} must be finite; with these values there is no "
+            "real operating point, "
+            "ask for less power, a higher voltage or a smaller impedance to the grid"
+        )

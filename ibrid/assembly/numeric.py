@@ -13,8 +13,7 @@ import numpy as np
 from ibrid.assembly.direct_loops import joined_by_direct_terms
 from ibrid.assembly.interconnection import state_names
 from ibrid.assembly.joined import Interconnected
-from ibrid.assembly.modules_at import ModuleMatrices
-from ibrid.errors import OperatingPointError
+from ibrid.assembly.modules_at import ModuleMatrices, require_finite
 from ibrid.modules.kind import Matrices, ModuleKind
 from ibrid.signals import Signal
 from ibrid.structure.diagrams.diagram import TERMINAL_CURRENT, TERMINAL_VOLTAGE
@@ -43,7 +42,7 @@ def closed_loop(
     DiagramError : a loop of direct terms makes I - D F singular; the message names the loop.
     OperatingPointError : the matrices are not finite, as where no real operating point exists.
     """
-    _require_finite(matrices)
+    require_finite(matrices)
     blocks = {outer: _terminal(outer) for outer in (TERMINAL_VOLTAGE, TERMINAL_CURRENT)}
     blocks |= {
         label: _block(label, kind, matrices[label])
@@ -82,20 +81,6 @@ def closed_loop(
     return control.StateSpace(
         a, b, c, d, inputs=list(INPUTS), outputs=list(OUTPUTS), states=list(seen.states), name=name
     )
-
-
-def _require_finite(matrices: Mapping[str, Matrices]) -> None:
-    wrong = [
-        label
-        for label, parts in matrices.items()
-        if not all(np.isfinite(np.array(rows, dtype=float)).all() for rows in parts)
-    ]
-    if wrong:
-        raise OperatingPointError(
-            f"the matrices of {', '.join(wrong)} must be finite; with these values there is no "
-            "real operating point, "
-            "ask for less power, a higher voltage or a smaller impedance to the grid"
-        )
 
 
 def _connections(wiring: Wiring, owner: Mapping[str, str]) -> list[list[str]]:

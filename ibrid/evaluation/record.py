@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ibrid.assembly.modules_at import module_matrices
+from ibrid.assembly.interconnection import interconnect_rows
+from ibrid.assembly.modules_at import ModuleMatrices, module_matrices, require_finite
 from ibrid.assembly.rest import terminal_point
 from ibrid.assembly.symbolic import symbolic_model
 from ibrid.border import methods_take_kinds, require_kinds, takes_kinds
@@ -204,13 +205,14 @@ class Record(Frozen):
         with undisturbed():
             from ibrid.assembly.numeric import closed_loop  # python-control is slow to import
 
-        matrices = self._matrices(op)
-        if cut is not None:
-            if cut not in matrices:
-                raise IbridError(f"the record has no module {cut!r:.60}; {near(cut, matrices)}")
-            a, b, c, d = matrices[cut]
-            matrices[cut] = a, b, [[0.0] * len(row) for row in c], [[0.0] * len(row) for row in d]
-        return closed_loop(self.wiring, matrices, name="inverter")
+        return closed_loop(self.wiring, self._matrices(op, cut), name="inverter")
+
+    def state_matrix(self, op: str, cut: str | None = None) -> tuple[np.ndarray, tuple[str, ...]]:
+        """A and the names of its states, as in `state_space`, without python-control."""
+        matrices = self._matrices(op, cut)
+        require_finite(matrices)
+        joined = interconnect_rows(self.wiring, matrices, exact_delays=False)
+        return joined.matrices()[0], joined.states
 
     def response(self, op: str, frequency: np.ndarray) -> np.ndarray:
         """Admittance (K, 2, 2) at frequencies in Hz, per unit, current out; delays are exact."""
@@ -289,7 +291,8 @@ class Record(Frozen):
                 "ibrid evaluate --json"
             )
 
-    def _matrices(self, op: str) -> dict[str, Any]:
+    def _matrices(self, op: str, cut: str | None) -> ModuleMatrices:
+        """The matrices of the modules; those of `cut` without outputs."""
         self._require(op)
         wiring = self.wiring
         values = self._values_at(wiring, op)
@@ -301,7 +304,13 @@ class Record(Frozen):
                     "--json"
                 )
         point = self.point(op).pqv
-        return module_matrices(wiring, values, point, pade_orders=orders, **self.physics)
+        matrices = module_matrices(wiring, values, point, pade_orders=orders, **self.physics)
+        if cut is not None:
+            if cut not in matrices:
+                raise IbridError(f"the record has no module {cut!r:.60}; {near(cut, matrices)}")
+            a, b, c, d = matrices[cut]
+            matrices[cut] = a, b, [[0.0] * len(row) for row in c], [[0.0] * len(row) for row in d]
+        return matrices
 
     def _values_at(self, wiring: Wiring, op: str) -> Any:
         """Module -> parameter -> value at an operating point; IbridError where one lacks."""

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from ibrid.analysis.models.linear_model import linear_model
 from ibrid.analysis.models.modes import participation
 from ibrid.errors import IbridError
 from ibrid.evaluation.record import Record
@@ -51,8 +50,8 @@ def loop_modes(record: Record) -> tuple[LoopMode, ...]:
     if not by_title:
         return ()
     op = next(iter(record.parameters))
-    model = linear_model(record, op)
-    shares = participation(model.A, model.states)
+    matrix, states = record.state_matrix(op)
+    shares = participation(matrix, states)
     wiring = record.wiring
     table = parameter_table(wiring, record.settings["equilibrium"])
     rows = []
@@ -63,10 +62,10 @@ def loop_modes(record: Record) -> tuple[LoopMode, ...]:
                 one: float(table.value(name, one, record.parameters[op])) for one in kind.parameters
             }
             units = {key: _unit(box.unit) for key, box in kind.parameters.items()}
-            cut = np.linalg.eigvals(np.array(record.state_space(op, cut=name).A))
+            cut = np.linalg.eigvals(record.state_matrix(op, cut=name)[0])
             axes = 2 if next(iter(kind.outputs.values())).width == 2 else 1
             bandwidth, margin = _crossover(shares.poles, cut, axes)
-            own = [k for k, state in enumerate(model.states) if state.startswith(f"{name}.")]
+            own = [k for k, state in enumerate(states) if state.startswith(f"{name}.")]
             rows.append(
                 LoopMode(
                     title,
