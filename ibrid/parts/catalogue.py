@@ -62,6 +62,7 @@ CATALOGUE: Catalogue = (
     sequence.PLL_SEQUENCE_FILTER,
     sequence.FEEDFORWARD_BAND_PASS,
     sequence.RESONANT_CONTROL,
+    sequence.NEGATIVE_SEQUENCE_CONTROL,
     references.POWER_REFERENCE,
     references.REFERENCE_FEEDFORWARD,
     references.MEASUREMENT_FILTER,

@@ -466,6 +466,26 @@ def test_an_lcl_in_place_of_an_l_filter_is_controlled_by_either_current():
     assert converter["power.i"] == grid["power.i"] == converter["park_i.i_dq"] == ("plant.i_g",)
 
 
+def test_the_negative_sequence_gets_the_filtered_reference_and_the_gains_of_the_current_loop():
+    shared, own = of("gfl", "negative_sequence_control")
+    sources = wire(shared.diagram, VOCABULARY).sources
+    assert set(sources["negative_sequence.in_"]) == {"negative_reference.out", "minus_i.out"}
+    assert sources["negative_reference.in_"] == ("i_ref.out",)
+    assert "negative_sequence.out" in sources["plant.u_r"]
+    assert set(shared.parameters) == {"negative_reference.omega_c"}
+    assert set(own.parameters) == {"negative_sequence.kP", "negative_sequence.kI"}
+
+
+def test_the_negative_sequence_with_shared_gains_takes_the_current_before_its_filter():
+    filtered, _ = of("gfl", "current_filter")
+    shared, own = insertions(filtered.diagram, VOCABULARY, (effect("negative_sequence_control"),))
+    sources = wire(shared.diagram, VOCABULARY).sources
+    (sign,) = set(sources["negative_sequence.in_"]) - {"negative_reference.out"}
+    assert sources[sign.replace(".out", ".in_")] == ("plant.i_ti",)
+    beside = wire(own.diagram, VOCABULARY).sources
+    assert beside["negative_sequence.in_"] == beside["current.in_"]
+
+
 # what users bring
 
 

@@ -8,6 +8,7 @@ import pytest
 from collecting import each_of
 from constant_current import constant_current_sweep
 from ibrid_bench.hidden.case import Case, draw_case, write_case
+from ibrid_bench.hidden.further import FURTHER
 from ibrid_bench.hidden.hardware import draw_hardware
 
 import ibrid
@@ -492,6 +493,24 @@ def test_a_wrong_label_is_found_beside_what_the_model_misses_where_neither_helps
     assert gap.verdict == "data-convention", gap.sentence
     assert sorted(ids(gap)) == ["feedforward_band_pass", "power_scale"]
     assert "1.414 times" in gap.sentence
+    assert gap.after["refit"] < 1.2 * gap.noise_floor
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("variant", ["shared", "own"])
+def test_a_hidden_controller_of_the_negative_sequence_is_named(variant):
+    case = draw_hardware(
+        3,
+        [f"negative_sequence_control:add:{variant}"],
+        noise_db=60,
+        frequencies=14,
+        points=2,
+        pool=FURTHER,
+    )
+    rivals = effects("negative_sequence_control", "resonant_control")
+    gap = answered(case, catalogue=rivals)
+    assert gap.verdict == "named", gap.sentence
+    assert ids(gap) == ["negative_sequence_control"]
     assert gap.after["refit"] < 1.2 * gap.noise_floor
 
 

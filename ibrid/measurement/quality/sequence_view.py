@@ -108,8 +108,8 @@ def _of_peaks(peaks: dict[str, Peaks], f0: float) -> Iterator[str]:
                 "times as large as beside "
                 f"it, at {2 * f0:g} Hz in dq): the voltage feedforward passes a SOGI band-pass, or "
                 "the negative sequence is "
-                "under resonant control; try the effects feedforward_band_pass and "
-                "resonant_control."
+                "under control of its own, resonant or PI; try the effects "
+                "feedforward_band_pass, resonant_control and negative_sequence_control."
             )
 
 

@@ -1,13 +1,21 @@
 """What tells positive from negative sequence: SOGI, DSOGI and double synchronous frame before the
-PLL and in the feedforward, resonant control of the negative sequence and of harmonics.
+PLL and in the feedforward, resonant control of the negative sequence and of harmonics, dual current
+control.
 """
 
 from collections.abc import Iterator
 
 from ibrid.modules.behaviour import Element
-from ibrid.parts.editing.edit import Edit, Strength, in_place
+from ibrid.parts.editing.edit import Edit, Strength, cutoff, in_place, pi_gains
 from ibrid.parts.editing.feedforward_path import feedforward
-from ibrid.parts.editing.paths import command_entry, frequency_sources, join, row_before
+from ibrid.parts.editing.paths import (
+    command_entry,
+    current_path,
+    frequency_sources,
+    join,
+    measured_current,
+    row_before,
+)
 from ibrid.parts.editing.practice import Effect, Family, having, where_missing
 from ibrid.parts.editing.view import Move, View
 from ibrid.structure.reading.wiring import split_port
@@ -22,6 +30,10 @@ FILTERS: dict[str, dict[str, Strength]] = {
     "DDSRF_dq": {"omega_c": Strength((60.0, 250.0, 800.0), 1e-9)},
 }
 RESONANT = {"k": Strength((0.3, 1.0, 3.0), 0.0), "omega_c": Strength((12.0, 25.0, 60.0))}
+#: Of a PI controller of the negative sequence with gains of its own, and of the filter on its
+#: reference.
+NEGATIVE_GAINS = pi_gains((0.1, 0.3, 1.0), (3.0, 10.0, 30.0), vanishes=True)
+NEGATIVE_REFERENCE = cutoff(300, 100, 30, nothing=None)
 #: Multiples of the nominal frequency in dq, in words.
 HARMONICS = {2.0: "the negative sequence", 6.0: "the 5th and 7th harmonic"}
 
@@ -219,9 +231,65 @@ RESONANT_CONTROL = Effect(
     "harmonic",
     signature="narrow, at n f0: the admittance falls there; all entries alike, the same at every "
     "operating point",
-    confused_with=("feedforward_band_pass",),
+    confused_with=("feedforward_band_pass", "negative_sequence_control"),
     told_apart_by="five points or more within 10 Hz of n f0",
     moves=_resonant_control,
+)
+
+
+def _negative_sequence_control(view: View) -> Iterator[Move]:
+    loop, draft = view.roles.current_loop, view.draft
+    present = draft.having(Element.NEGATIVE_PI)
+    for name in present:
+        yield Move.at(
+            "remove", f"{name} beside {loop}", lambda draft, name=name: draft.remove(name)
+        )
+    if loop is None or present or not view.known("PI_negative_dq"):
+        return
+    way = current_path(view)
+    entry = f"{way[-2]}.out" if len(way) > 1 else measured_current(view)
+    references = [source for source in draft.sources(f"{loop}.in_") if source != entry]
+    gains = {key: bound for key, bound in view.bound(loop).items() if key in NEGATIVE_GAINS}
+
+    def filtered(draft: Edit) -> None:
+        name = draft.add("PI_negative_dq", "negative_sequence", **gains)
+        reference = draft.add("LPF1_dq", "negative_reference", omega_c=NEGATIVE_REFERENCE)
+        draft.gather(f"{reference}.in_", *references)
+        draft.gather(f"{name}.in_", f"{reference}.out", draft.negated(measured_current(view)))
+        draft.connect(f"{name}.out", *draft.targets(f"{loop}.out"))
+
+    def beside(draft: Edit) -> None:
+        name = draft.add("PI_negative_dq", "negative_sequence", **NEGATIVE_GAINS)
+        draft.gather(f"{name}.in_", *draft.sources(f"{loop}.in_"))
+        draft.connect(f"{name}.out", *draft.targets(f"{loop}.out"))
+
+    words = "a PI controller of the negative sequence"
+    if references and len(gains) == len(NEGATIVE_GAINS):
+        yield Move(
+            f"{words} with the gains of {loop}, on the filtered reference",
+            filtered,
+            change="add",
+            where=f"beside {loop}, with its gains, on its filtered reference",
+        )
+    yield Move(
+        f"{words}, with gains of its own",
+        beside,
+        change="add",
+        where=f"beside {loop}, on its error, with gains of its own",
+    )
+
+
+NEGATIVE_SEQUENCE_CONTROL = Effect(
+    id="negative_sequence_control",
+    law="u_r += (kP + kI/(s + 2 j omega_0)) (i_ref - i), i_ref filtered where the gains are those "
+    "of the current loop",
+    places="beside the current loop, with its gains or its own",
+    signature="dq and qd of opposite sign around 2 f0, where the admittance of the negative "
+    "sequence falls; the proportional gain in the whole band of the current loop",
+    confused_with=("resonant_control",),
+    told_apart_by="sequence coordinates: a resonator also acts on the positive sequence at 3 f0, a "
+    "PI controller in the frame that turns backwards does not",
+    moves=_negative_sequence_control,
 )
 
 
@@ -255,5 +323,12 @@ FAMILIES = (
         (0.1, 1.0, 0.7, 0.0),
         1.0,
         where_missing(_resonant_control, having(Element.RESONATOR)),
+    ),
+    Family(
+        "negative-sequence control",
+        "module",
+        (0.3, 1.0, 0.7, 0.1),
+        1.0,
+        where_missing(_negative_sequence_control, having(Element.NEGATIVE_PI)),
     ),
 )

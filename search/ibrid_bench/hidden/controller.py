@@ -114,6 +114,9 @@ def voltage_command(
         command += m.k_resonant * band_pass(
             states, "resonant", m.omega_resonant, 2 * m.width_resonant, error
         )
+    if m.kP_negative is not None:
+        slow = low_pass(states, "negative_reference", m.omega_c_negative, i_ref)
+        command += _negative_sequence(m, states, slow - current)
     forward = low_pass(
         states, "feedforward", m.omega_c_ff, seen.v if m.sensed_voltage == "pcc" else seen.e
     )
@@ -144,6 +147,15 @@ def _pi(states: States, name: str, kP: ca.SX, kI: ca.SX, error: ca.SX) -> ca.SX:
     integral = states.add(name)
     states.moves(integral, error)
     return kP * error + kI * integral
+
+
+def _negative_sequence(m: Symbols, states: States, error: ca.SX) -> ca.SX:
+    """kP error + kI x, x' = error - 2 omega_0 J x: a PI controller in the frame that turns
+    backwards.
+    """
+    integral = states.add("negative_integral", 2)
+    states.moves(integral, error - 2 * m.omega_0 * J(integral))
+    return m.kP_negative * error + m.kI_negative * integral
 
 
 def _droop(m: Symbols, states: States, seen: Measured) -> ca.SX:

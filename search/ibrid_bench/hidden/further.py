@@ -2,6 +2,7 @@
 have, written in no program.
 """
 
+from dataclasses import replace
 from functools import partial
 from math import pi
 
@@ -14,6 +15,7 @@ _NO_GAINS = {"kP_p": None, "kI_p": None, "kP_q": None, "kI_q": None}
 _OPEN = {"p_loop": "reference", "q_loop": "reference", **_NO_GAINS}
 _PERIOD = Strength((3e-5, 6e-5), (1e-4, 2e-4), (3e-4, 4e-4))
 _OTHER = partial(Strength, (1.2, 1.4), (2.0, 3.0), (4.0, 6.0))
+_SAME = Strength((1.0, 1.0), (1.0, 1.0), (1.0, 1.0), times="kP_current")
 _TRAP = {
     "L_t": Strength((0.0008, 0.001), (0.002, 0.003), (0.006, 0.008)),
     "R_t": always(0.002, 0.01),
@@ -47,6 +49,27 @@ FURTHER: tuple[HiddenEffect, ...] = (
         "add",
         {"k_reference": Strength((-0.05, -0.1), (-0.15, -0.3), (-0.35, -0.5))},
         base=_LOOPS,
+    ),
+    HiddenEffect(
+        "negative_sequence_control",
+        "shared",
+        "add",
+        {
+            "kP_negative": _SAME,
+            "kI_negative": replace(_SAME, times="kI_current"),
+            "omega_c_negative": Strength(
+                (_HZ * 150, _HZ * 300), (_HZ * 50, _HZ * 100), (_HZ * 20, _HZ * 40)
+            ),
+        },
+    ),
+    HiddenEffect(
+        "negative_sequence_control",
+        "own",
+        "add",
+        {
+            "kP_negative": Strength((0.05, 0.1), (0.2, 0.4), (0.6, 1.0)),
+            "kI_negative": Strength((1.0, 3.0), (5.0, 15.0), (20.0, 40.0)),
+        },
     ),
     HiddenEffect(
         "command_filter",

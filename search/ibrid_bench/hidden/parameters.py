@@ -43,6 +43,7 @@ _TOGETHER = (
     ("omega_n_ff", "Q_ff"),
     ("R_virtual", "X_virtual"),
     ("k_resonant", "omega_resonant", "width_resonant"),
+    ("kP_negative", "kI_negative"),
     ("omega_zero", "omega_pole"),
     ("comb_gain", "comb_delay"),
     ("D_dead_time", "a_dead_time"),
@@ -99,6 +100,8 @@ class Device:
 
     k_resonant, omega_resonant, width_resonant : 2 k w s / (s^2 + 2 w s + omega^2) on the error of
     the current loop, at a multiple of f0 control of the negative sequence (2) or of harmonics (6).
+    kP_negative, kI_negative : a PI controller in the frame that turns backwards, on the reference,
+    behind a low-pass at omega_c_negative where given, less the measured current.
 
     In no catalogue. omega_zero, omega_pole : (1 + s/omega_zero) / (1 + s/omega_pole) on it.
     comb_gain, comb_delay : 1 / (1 - g e^-sT) on it.
@@ -175,6 +178,9 @@ class Device:
     k_resonant: float | None = None
     omega_resonant: float | None = None
     width_resonant: float | None = None
+    kP_negative: float | None = None
+    kI_negative: float | None = None
+    omega_c_negative: float | None = None
     omega_zero: float | None = None
     omega_pole: float | None = None
     comb_gain: float | None = None

@@ -26,7 +26,16 @@ _IN_NO_PROGRAM = (
         "omega_c_magnitude",
         "omega_c_reference",
     ),
-    *("k_reference", "omega_c_command", "omega_c_sensor", "T_current", "T_hold", "L_t", "I_core"),
+    *(
+        "k_reference",
+        "kP_negative",
+        "omega_c_command",
+        "omega_c_sensor",
+        "T_current",
+        "T_hold",
+        "L_t",
+        "I_core",
+    ),
 )
 
 
