@@ -486,6 +486,60 @@ def test_the_negative_sequence_with_shared_gains_takes_the_current_before_its_fi
     assert beside["negative_sequence.in_"] == beside["current.in_"]
 
 
+def test_one_axis_of_the_reference_may_follow_its_power_while_the_other_keeps_its_loop():
+    active, reactive, *_ = of("gfl", "power_reference")
+    for edit, gone, kept in ((active, "p_loop", "q_loop"), (reactive, "q_loop", "p_loop")):
+        wiring = wire(edit.diagram, VOCABULARY)
+        assert gone not in wiring.kinds
+        assert kept in wiring.kinds
+        assert wiring.sources["references.v"] == ("reference_filter.out",)
+    assert wire(active.diagram, VOCABULARY).sources["i_ref.in_d"] == ("reference_d.out",)
+    assert wire(reactive.diagram, VOCABULARY).sources["i_ref.in_q"] == ("reference_q.out",)
+
+
+def test_references_take_the_positive_sequence_that_the_pll_has_or_one_of_their_own():
+    opened = textbook("gfl_open_loop")
+    edits = {
+        edit.where: wire(edit.diagram, VOCABULARY).sources
+        for edit in insertions(opened, VOCABULARY, (effect("power_reference"),))
+        if edit.change == "add"
+    }
+    own, both = (edits[f"DSOGI_dq on the voltage of {one}i_ref"] for one in ("", "pll and "))
+    assert own["e_filter.in_"] == ("reference_sequence.out",)
+    assert own["pll.e_q"] == ("plant.e_q",)
+    assert both["e_filter.in_"] == both["pll_q.in_"] == ("sequence.out",)
+    (locked,) = (
+        edit.diagram
+        for edit in insertions(opened, VOCABULARY, (effect("pll_sequence_filter"),))
+        if edit.where == "DSOGI_dq on the voltage to which pll locks"
+    )
+    shared = [
+        wire(edit.diagram, VOCABULARY).sources["e_filter.in_"]
+        for edit in insertions(locked, VOCABULARY, (effect("power_reference"),))
+        if edit.where == "the output of pll_sequence at i_ref"
+    ]
+    assert shared == [("pll_sequence.out",)]
+
+
+def test_what_filters_the_voltage_of_the_references_is_put_in_and_taken_out():
+    plain = textbook("gfl_open_loop")
+    (without,) = (
+        edit.diagram
+        for edit in insertions(plain, VOCABULARY, (effect("power_reference"),))
+        if edit.where == "e_filter on the way to i_ref"
+    )
+    again = insertions(without, VOCABULARY, (effect("power_reference"),))
+    assert structure_hash(plain) in [structure_hash(edit.diagram) for edit in again]
+    shared = textbook("gfl_ddsrf_open_loop")
+    (parted,) = (
+        wire(edit.diagram, VOCABULARY).sources
+        for edit in insertions(shared, VOCABULARY, (effect("power_reference"),))
+        if edit.where == "sequence_filter on the way to i_ref"
+    )
+    assert parted["i_ref.v"] == ("double_frame.out",)
+    assert parted["sequence_q.in_"] == ("sequence_filter.out",)
+
+
 # what users bring
 
 

@@ -74,7 +74,16 @@ def own_q_axis(draft: Edit, view: View) -> None:
             draft.rewire(f"{name}.out", f"{view.roles.plant}.e_q", *draft.targets(f"{name}.out"))
 
 
-def _filters_of(view: View, pll: str) -> list[str]:
+def lock_to(draft: Edit, vector: str, locked: tuple[str, str | None]) -> None:
+    """Let a PLL take the q axis of a vector; locked : of `locked_vector`."""
+    entry, q_axis = locked
+    if q_axis:
+        draft.drive(f"{q_axis}.in_", vector)
+    else:
+        draft.drive(entry, draft.after(vector, "SliceQ", "pll_q"))
+
+
+def sequence_filters_of(view: View, pll: str) -> list[str]:
     """Sequence filters of the vector to which a PLL locks."""
     locked = locked_vector(view, pll)
     row = row_before(view.draft, f"{locked[1]}.in_") if locked and locked[1] else ()
@@ -83,7 +92,7 @@ def _filters_of(view: View, pll: str) -> list[str]:
 
 def _pll_sequence_filter(view: View) -> Iterator[Move]:
     for pll in view.draft.having(Element.PLL):
-        locked, present = locked_vector(view, pll), _filters_of(view, pll)
+        locked, present = locked_vector(view, pll), sequence_filters_of(view, pll)
         for name in present:
 
             def taken(draft: Edit, name: str = name) -> None:
@@ -120,10 +129,10 @@ def _pll_sequence_filter(view: View) -> Iterator[Move]:
                         draft.insert_before(f"{q_axis}.in_", kind, "pll_sequence", **FILTERS[kind]),
                     )
                 else:
-                    vector = split_port(
+                    name = split_port(
                         draft.after(view.roles.voltage, kind, "pll_sequence", **FILTERS[kind])
                     )[0]
-                    draft.drive(entry, draft.after(_tuned(draft, view, vector), "SliceQ", "pll_q"))
+                    lock_to(draft, _tuned(draft, view, name), (entry, None))
 
             yield Move(
                 f"{kind} before the PLL",
@@ -294,7 +303,7 @@ NEGATIVE_SEQUENCE_CONTROL = Effect(
 
 
 def _filtered_lock(view: View) -> bool:
-    return any(_filters_of(view, pll) for pll in view.draft.having(Element.PLL))
+    return any(sequence_filters_of(view, pll) for pll in view.draft.having(Element.PLL))
 
 
 def _filtered_forward(view: View) -> bool:

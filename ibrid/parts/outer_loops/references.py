@@ -9,19 +9,33 @@ from ibrid.modules.behaviour import Element
 from ibrid.parts.editing.edit import Edit, Strength, cutoff
 from ibrid.parts.editing.paths import (
     current_path,
+    drive_axis,
     grid_current,
     loops,
     measured_current,
     packs,
     path,
+    regulates,
+    regulator,
+    row_before,
 )
 from ibrid.parts.editing.practice import Effect, Family, always, having, where_missing
 from ibrid.parts.editing.view import Move, View, followers, of_circuit
-from ibrid.parts.frames.sequence import own_q_axis
+from ibrid.parts.frames.sequence import (
+    ELEMENTS,
+    FILTERS,
+    lock_to,
+    locked_vector,
+    own_q_axis,
+    sequence_filters_of,
+)
 from ibrid.parts.inner_loops.current_measurement import in_control
 from ibrid.signals import Signal
 
 FILTERED = {"omega_c": cutoff(200, 50, 10, nothing=1e-9)}
+CORNER = cutoff(200, 50, 10)
+#: Axis of the current reference, the power that its loop regulates, the slice that takes the axis.
+AXES = (("in_d", "p", "SliceD"), ("in_q", "q", "SliceQ"))
 SECOND = {"k": Strength((-0.1, -0.2, -0.4), 0.0)}
 SENSOR = cutoff(4000, 1500, 500)
 
@@ -35,8 +49,10 @@ def _power_reference(view: View) -> Iterator[Move]:
             f"{name} at {view.roles.reference}",
             lambda draft, name=name: draft.remove(name),
         )
+    yield from _reference_voltage(view)
     if loop is None or present or not view.known("Ref_pq"):
         return
+    yield from _reference_of_one_axis(view)
     driving = packs(view)
     for filtered in (True, False):
 
@@ -68,11 +84,109 @@ def _power_reference(view: View) -> Iterator[Move]:
         )
 
 
+def _reference_of_one_axis(view: View) -> Iterator[Move]:
+    """One axis of the reference from its power, while the other keeps its loop."""
+    loops_of = {axis: regulator(view, axis) for axis, *_ in AXES}
+    if None in loops_of.values():
+        return
+    for axis, power, kind in AXES:
+        name = loops_of[axis]
+        if regulates(view, name) != power:
+            continue
+
+        def opened(draft: Edit, axis: str = axis, kind: str = kind) -> None:
+            voltage = draft.after(
+                view.roles.voltage, "LPF1_dq", "reference_filter", omega_c=Strength(CORNER.bank)
+            )
+            references = draft.add("Ref_pq", "references")
+            draft.chain(voltage, f"{references}.v", measured_current(view), f"{references}.i")
+            scalar = draft.after(f"{references}.out", kind, f"reference_{axis[-1]}")
+            drive_axis(draft, scalar, view.roles.reference, axis)
+
+        words = "p*/|v|" if power == "p" else "-q*/|v|"
+        yield Move(
+            f"the reference {words} of the filtered voltage in place of the {power} loop",
+            opened,
+            change="replace",
+            where=f"{axis} of the current reference, behind a low-pass, in place of {name}",
+        )
+
+
+def _reference_voltage(view: View) -> Iterator[Move]:
+    """What filters the voltage by which references are computed."""
+    draft, voltage = view.draft, view.roles.voltage
+    for name in draft.having(Element.REFERENCE):
+        row = row_before(draft, f"{name}.v")
+        elements = {block: view.element(block) for block in row}
+        entry = f"{row[-1]}.in_" if row else f"{name}.v"
+        targets = {
+            block: [f"{name}.v", *(f"{one}.in_" for one in row)][k] for k, block in enumerate(row)
+        }
+        for block in row:
+            if elements[block] not in (Element.LOW_PASS, *ELEMENTS):
+                continue
+
+            def taken(draft: Edit, block: str = block, target: str = targets[block]) -> None:
+                for source in draft.sources(f"{block}.in_"):
+                    draft.connect(source, target)
+                draft.disconnect(f"{block}.out", target)
+
+            yield Move.at("remove", f"{block} on the way to {name}", taken)
+        if Element.LOW_PASS not in elements.values():
+            yield Move(
+                f"a low-pass on the voltage of {name}",
+                lambda draft, name=name: draft.insert_before(
+                    f"{name}.v", "LPF1_dq", "reference_filter", omega_c=CORNER
+                ),
+                change="add",
+                where=f"a low-pass before {name}",
+            )
+        if draft.sources(entry) == [voltage] and not {*elements.values()} & {*ELEMENTS}:
+            yield from _positive_sequence(view, name, entry)
+
+
+def _positive_sequence(view: View, name: str, entry: str) -> Iterator[Move]:
+    """References by the positive sequence of the voltage that enters at an input."""
+    draft, voltage = view.draft, view.roles.voltage
+    if not view.known("DSOGI_dq"):
+        return
+    k = FILTERS["DSOGI_dq"]["k"]
+    yield Move(
+        f"{name} by the positive sequence of a DSOGI",
+        lambda draft: draft.insert(voltage, [entry], "DSOGI_dq", "reference_sequence", k=k),
+        change="add",
+        where=f"DSOGI_dq on the voltage of {name}",
+    )
+    for pll in draft.having(Element.PLL):
+        locked, filters = locked_vector(view, pll), sequence_filters_of(view, pll)
+        if filters:
+            yield Move(
+                f"{name} by the positive sequence of {filters[0]}",
+                lambda draft, filtered=f"{filters[0]}.out": draft.rewire(voltage, filtered, entry),
+                change="add",
+                where=f"the output of {filters[0]} at {name}",
+            )
+        elif locked:
+
+            def both(draft: Edit, locked: tuple[str, str | None] = locked) -> None:
+                sequence = draft.after(voltage, "DSOGI_dq", "sequence", k=k)
+                draft.rewire(voltage, sequence, entry)
+                lock_to(draft, sequence, locked)
+
+            yield Move(
+                f"one DSOGI for {pll} and {name}",
+                both,
+                change="add",
+                where=f"DSOGI_dq on the voltage of {pll} and {name}",
+            )
+
+
 POWER_REFERENCE = Effect(
     id="power_reference",
-    law="i_ref = (p*/|v_f|, -q*/|v_f|), v_f the measured voltage, filtered or not: no loop of p "
-    "and q",
-    places="at the reference of the current loop, in place of loops of p and q",
+    law="i_ref = (p*/|v_f|, -q*/|v_f|), v_f the measured voltage as it is, behind a low-pass or "
+    "a DSOGI: no loop of p and q, or of one of them",
+    places="at the reference of the current loop, in place of loops of p and q, on one axis; "
+    "filters of the voltage before it",
     signature="below the filter's corner; the column of v_d in proportion to p and q, constant "
     "power towards 0 Hz",
     confused_with=("power_loop_missing", "reactive_loop_missing"),
@@ -233,6 +347,7 @@ FAMILIES = (
         where_missing(_power_reference, having(Element.REFERENCE)),
         if_gross=4.0,
     ),
+    Family("reference voltage", "module", (0.7, 1.0, 0.3, 0.1), 1.0, always(_reference_voltage)),
     Family(
         "two degrees of freedom",
         "module",

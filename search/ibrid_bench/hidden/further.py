@@ -114,6 +114,20 @@ FURTHER: tuple[HiddenEffect, ...] = (
         },
         base=_LOOPS,
     ),
+    HiddenEffect(
+        "power_reference",
+        "active",
+        "replace",
+        {
+            "p_loop": "reference",
+            "kP_p": None,
+            "kI_p": None,
+            "omega_c_magnitude": Strength(
+                (_HZ * 100, _HZ * 200), (_HZ * 20, _HZ * 60), (_HZ * 5, _HZ * 10)
+            ),
+        },
+        base=_LOOPS,
+    ),
     HiddenEffect("zero_order_hold", "command", "add", {"T_hold": _PERIOD}, base=_PROMPT),
     HiddenEffect("measurement_delay", "current", "add", {"T_current": _PERIOD}, base=_PROMPT),
     HiddenEffect(
