@@ -16,6 +16,7 @@ from ibrid_search.screening.candidate_edits import (
     CandidateEdit,
     list_arbitrary_edits,
     list_effect_edits,
+    list_exchange_edits,
     list_family_edits,
 )
 from ibrid_search.screening.edit_rankings import rankings_for
@@ -46,6 +47,26 @@ def fitted(name: str, parent: str) -> tuple[Study, Evaluated]:
     return study, Evaluated(
         0, ibrid.textbook(parent), ibrid.evaluate(ibrid.textbook(parent), study)
     )
+
+
+@pytest.mark.slow
+def test_a_part_is_exchanged_for_each_effect_that_it_is_confused_with():
+    study = Study(ibrid.read_sweep(ibrid.benchmarks()["paper_like"]))
+    given = ibrid.textbook("gfl_sogi_feedforward")
+    exchanges = list_exchange_edits(given, study)
+    (exchanged,) = (
+        edit.diagram
+        for edit in exchanges
+        if edit.source == "feedforward_band_pass + negative_sequence_control"
+        and "the way through band_pass" in edit.description
+        and "with its gains" in edit.description
+    )
+    kinds = {instance.kind for instance in exchanged.instances}
+    assert "PI_negative_dq" in kinds
+    assert "SOGI_dq" not in kinds
+    single = {study.hash_of(edit.diagram) for edit in list_effect_edits(given, study)}
+    hashes = [study.hash_of(edit.diagram) for edit in exchanges]
+    assert len({*hashes, *single}) == len(hashes) + len(single)
 
 
 @pytest.mark.nightly

@@ -202,7 +202,11 @@ FEEDFORWARD_BAND_PASS = Effect(
     signature="peaks of the impedance at +-f0 in sequence coordinates; in dq below 200 Hz, dq and "
     "qd alike, the same at every "
     "operating point",
-    confused_with=("resonant_control", "voltage_feedforward_filter"),
+    confused_with=(
+        "resonant_control",
+        "voltage_feedforward_filter",
+        "negative_sequence_control",
+    ),
     told_apart_by="points around f0: a band-pass lets DC of the stationary frame not pass, a "
     "low-pass does",
     moves=_feedforward_band_pass,
@@ -295,7 +299,7 @@ NEGATIVE_SEQUENCE_CONTROL = Effect(
     places="beside the current loop, with its gains or its own",
     signature="dq and qd of opposite sign around 2 f0, where the admittance of the negative "
     "sequence falls; the proportional gain in the whole band of the current loop",
-    confused_with=("resonant_control",),
+    confused_with=("resonant_control", "feedforward_band_pass"),
     told_apart_by="sequence coordinates: a resonator also acts on the positive sequence at 3 f0, a "
     "PI controller in the frame that turns backwards does not",
     moves=_negative_sequence_control,

@@ -9,7 +9,7 @@ from itertools import product
 from ibrid.errors import DiagramError
 from ibrid.parts.catalogue import CATALOGUE, FAMILIES, insertions
 from ibrid.parts.editing.edit import NotInVocabulary
-from ibrid.parts.editing.practice import Effect
+from ibrid.parts.editing.practice import Effect, Insertion
 from ibrid.parts.editing.view import views_of
 from ibrid.structure.diagrams.diagram import Diagram
 from ibrid.structure.diagrams.library import shipped_names, textbook
@@ -36,6 +36,49 @@ def library_hashes(study: Study) -> frozenset[str]:
     """Return the structure hashes of the library diagrams that the vocabulary contains."""
     examinations = [study.examined(textbook(name), name) for name in shipped_names()]
     return frozenset(examination.hash for examination in examinations if examination.hash)
+
+
+def list_exchange_edits(diagram: Diagram, study: Study) -> list[CandidateEdit]:
+    """List what stands in a diagram exchanged for an effect that it is confused with.
+
+    A part that stands in for another one explains most of what that one does, so that adding the
+    right one beside it gains little, and taking it away loses much. Each structure once, without
+    those that one edit leads to.
+    """
+    known_hashes = {study.hash_of(diagram)}
+    known_hashes.update(study.hash_of(edit.diagram) for edit in list_effect_edits(diagram, study))
+    exchanges: list[CandidateEdit] = []
+    for removal, insertion in _exchanges(diagram, study):
+        structure_hash = study.hash_of(insertion.diagram)
+        if structure_hash not in known_hashes:
+            known_hashes.add(structure_hash)
+            removed = f"{removal.effect}: {removal.change} {removal.where}"
+            inserted = f"{insertion.effect}: {insertion.change} {insertion.where}"
+            exchanges.append(
+                CandidateEdit(
+                    insertion.diagram,
+                    f"{removed}; {inserted}",
+                    f"{removal.effect} + {insertion.effect}",
+                    insertion.parameters,
+                )
+            )
+    return exchanges
+
+
+def _exchanges(diagram: Diagram, study: Study) -> Iterator[tuple[Insertion, Insertion]]:
+    """Yield each removal of an effect with each insertion of one that it is confused with.
+
+    Effect by effect, since two effects may take the same part away.
+    """
+    by_id = {effect.id: effect for effect in CATALOGUE if not effect.form}
+    for effect in by_id.values():
+        alike = tuple(by_id[name] for name in effect.confused_with if name in by_id)
+        for removal in insertions(diagram, study.kinds, (effect,)):
+            if removal.change != "remove":
+                continue
+            for insertion in insertions(removal.diagram, study.kinds, alike):
+                if insertion.change != "remove":
+                    yield removal, insertion
 
 
 def unchanged(diagram: Diagram) -> CandidateEdit:

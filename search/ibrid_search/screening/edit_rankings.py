@@ -1,7 +1,7 @@
 """The edits of a fitted candidate, ranked by how much of its error they explain.
 
 Stages are screened from the likely to the unlikely (effects of the catalogue, other usual edits,
-pairs, blocks and wires anywhere) until an edit promises enough.
+pairs and exchanges of what is confused, blocks and wires anywhere) until an edit promises enough.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -24,6 +24,7 @@ from ibrid_search.screening.candidate_edits import (
     list_arbitrary_edits,
     list_delay_form_edits,
     list_effect_edits,
+    list_exchange_edits,
     list_family_edits,
     list_layer_edits,
     unchanged,
@@ -113,9 +114,9 @@ class EditRankings:
     def _stages(self, parent: Evaluated) -> Iterator[list[ScreeningFit]]:
         """Yield the screening fits of each stage, the best first.
 
-        Effects with the forms of delays (once the error is not gross), other usual edits, pairs,
-        blocks and wires anywhere. For recordings alone, where a ranking takes a minute, only the
-        first two.
+        Effects with the forms of delays (once the error is not gross), other usual edits, pairs and
+        exchanges of effects that are confused, blocks and wires anywhere. For recordings alone,
+        where a ranking takes a minute, only the first two.
         """
         diagram = parent.diagram
         values = self._values(parent)
@@ -130,7 +131,9 @@ class EditRankings:
         if self.study.events is not None:
             return
         by_error = sorted([*effect_fits, *family_fits], key=lambda fit: fit.error)
-        yield self._rank_pairs(by_error[: SCREENING.pair_seeds])
+        pair_fits = self._rank_pairs(by_error[: SCREENING.pair_seeds])
+        exchange_fits = self._rank(diagram, values, list_exchange_edits)
+        yield rank_fits([*pair_fits, *exchange_fits])
         yield self._rank(diagram, values, list_arbitrary_edits)
 
     def _rank(

@@ -39,7 +39,7 @@ class ScreeningSettings:
         the first, and above that multiple of the noise level, means another structure rather than a
         detail. `exact_screening_error` : screening error up to which a full fit may be exact.
         `absurd_factor` : ratio to its typical value beyond which a plant parameter is absurd.
-    Order of the stages (effects, other edits, pairs, blocks and wires anywhere)
+    Order of the stages (effects, other edits, pairs and exchanges, blocks and wires anywhere)
         `promising_gain` : ln(error) gained, parameters paid for, from which later stages are
         skipped. `layer_gain` : the same for a missing control layer. `single_edit_stages` : stages
         that a short ranking is limited to. `pair_seeds` : single edits that pairs are built on.
