@@ -32,6 +32,7 @@ def test_whatever_filters_what_a_pll_locks_to_the_frequency_follows_the_phase():
     for name in (
         "gfl_ddsrf_open_loop",
         "gfl_dsogi_pll",
+        "gfl_dual_current",
         "gfl_ll_droop",
         "gfl_pcc_voltage",
         "gfl_shared_sensors",

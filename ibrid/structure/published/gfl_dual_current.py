@@ -1,0 +1,42 @@
+def build_gfl_dual_current(g):
+    """Grid-following, a PI controller for each sequence of the current, references of the positive one (Song and Nam 1999)."""
+    # frames and plant
+    g.add("Rot_v", "park_v")
+    g.add("LCL", "plant")
+    g.add("Rot_i", "park_i")
+    # the positive sequence, to which the PLL locks
+    g.add("DSOGI_dq", "sequence")
+    g.add("SliceQ", "sequence_q")
+    g.add("SRF_PLL", "pll")
+    # open-loop power control by the filtered positive sequence
+    g.add("LPF1_dq", "e_filter")
+    g.add("Ref_pq", "i_ref")
+    # current control in the frames of both sequences, with one pair of gains
+    g.add("Negate_dq", "minus_i")
+    g.add("PI_dq", "current")
+    g.add("PI_negative_dq", "negative", kP="current.kP", kI="current.kI")
+    g.add("JMul_omega", "decoupling")
+    # wiring
+    g.connect("v_DQ", "park_v.v_DQ")
+    g.connect("pll.delta", "park_v.delta")
+    g.connect("park_v.v_dq", "plant.v_in")
+    g.connect("pll.delta_omega", "plant.delta_omega")
+    g.connect("plant.e", "sequence.in_")
+    g.connect("sequence.out", "sequence_q.in_")
+    g.connect("sequence_q.out", "pll.e_q")
+    g.connect("sequence.out", "e_filter.in_")
+    g.connect("e_filter.out", "i_ref.v")
+    g.connect("plant.i_ti", "i_ref.i")
+    g.connect("plant.i_ti", "minus_i.in_")
+    g.connect("i_ref.out", "current.in_")
+    g.connect("minus_i.out", "current.in_")
+    g.connect("i_ref.out", "negative.in_")
+    g.connect("minus_i.out", "negative.in_")
+    g.connect("plant.i_ti", "decoupling.in_")
+    g.connect("pll.delta_omega", "decoupling.delta_omega")
+    g.connect("current.out", "plant.u_r")
+    g.connect("negative.out", "plant.u_r")
+    g.connect("decoupling.out", "plant.u_r")
+    g.connect("plant.i_g", "park_i.i_dq")
+    g.connect("pll.delta", "park_i.delta")
+    g.connect("park_i.i_DQ", "i_DQ")
