@@ -6,15 +6,17 @@ gain, at rest, from the measured power to that input, times the power. Told anot
 minus that gain times that power; everything else stays. Nothing passes an integrator at rest, nor
 an input with a constant of its own, behind which all is as it was. A filter of the power alone
 measures it; one behind a gain or a sum, such as the inertia of a virtual machine, is part of the
-law, and the set point is compared in front of it.
+law, and the set point is compared in front of it. A reference of current that is computed from a
+power moves with it, by one over the voltage at rest.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
 from ibrid.assembly.module_motion import Module
 from ibrid.assembly.numbers import is_zero
 from ibrid.modules.behaviour import Element
+from ibrid.modules.large_signal import reciprocal, square_root
 from ibrid.structure.reading.wiring import Channel, Wiring, channels_of, sources_of
 
 #: What a device may be told, in the order of the gains.
@@ -86,9 +88,33 @@ def set_point_gains(
         of_input(channel)  # finds where else it is compared
     known.clear()
     moved = {channel: of_input(channel) for channel in sorted(compared)}
-    return {
+    gains: dict[Channel, Gains] = {
         channel: (-p, -q) for channel, (p, q) in moved.items() if not (is_zero(p) and is_zero(q))
     }
+    for channel, (p, q) in _gains_of_references(wiring, modules, arguments):
+        before = gains.get(channel, _NONE)
+        gains[channel] = (before[0] + p, before[1] + q)
+    return gains
+
+
+def _gains_of_references(
+    wiring: Wiring, modules: Sequence[Module], arguments: Mapping[str, Mapping[str, Any]]
+) -> Iterator[tuple[Channel, Gains]]:
+    """Input channels that take a reference from power, with 1/|v| of p_ref on d, -1/|v| of q_ref on
+    q.
+    """
+    given: dict[Channel, Gains] = {}
+    for module in modules:
+        if module.kind.element is Element.REFERENCE:
+            v_d, v_q = arguments[module.name]["v_eq"]
+            size = reciprocal(square_root(v_d * v_d + v_q * v_q))
+            d, q = channels_of(module.name, module.kind.outputs)
+            given |= {d: (size, 0.0), q: (0.0, -size)}
+    for module in modules if given else ():
+        for channel in channels_of(module.name, module.kind.inputs):
+            for source in sources_of(wiring, channel):
+                if source in given:
+                    yield channel, given[source]
 
 
 def _row_at_rest(module: Module, row: int, arguments: Mapping[str, Any]) -> list[Any]:

@@ -40,6 +40,20 @@ def test_power_ends_where_it_is_told_to_and_reactive_power_where_it_was():
     assert power[0] == pytest.approx(0.6 + 0.1j, abs=1e-6)
 
 
+@pytest.mark.parametrize(("event", "step"), [("p_ref:0.7,at=0.1", 0.1), ("q_ref:0.2,at=0.1", 0.1j)])
+def test_references_that_are_computed_from_power_move_with_it(event: str, step: complex):
+    record = recorded("gfl_l_filter", event)
+    values = {"plant.L_g": 0.1, "plant.R_g": 0.005}
+    model = model_of_program(ibrid.textbook("gfl_dual_current"), values)
+    played = play(model, record).records[0]
+    assert played.current is not None
+    i = played.current @ [1, 1j]
+    e = played.record.v @ [1, 1j] + (0.005 + 0.1j) * i
+    power = e * np.conj(i)  # at the capacitor, whose voltage the controller measures
+    # 1/|e| is taken at rest, and q raises |e| by 1 %
+    assert power[-1] - power[0] == pytest.approx(step, abs=3e-3)
+
+
 def test_a_step_of_q_ref_is_played_too():
     events, plant = recorded("gfl_l_filter", "q_ref:0.3,at=0.2"), plant_named("gfl_l_filter")
     error = play(
@@ -86,7 +100,7 @@ def test_what_is_not_told_or_not_taken_is_a_sentence(tmp_path: Path):
         recorded("gfm_droop", "q_ref:0.3,at=0.2")
     events = recorded("gfl_l_filter", "p_ref:0.7,at=0.2")
     with pytest.raises(IbridError, match="nothing in the model compares it with a measured power"):
-        play(model_of_program(ibrid.textbook("gfl_open_loop"), {}), events)
+        play(model_of_program(ibrid.textbook("gfl_disturbance_observer"), {}), events)
     write_events(events, tmp_path / "a.csv")
     text = (tmp_path / "a.csv").read_text().replace(",p_ref", ",v_ref")
     (tmp_path / "b.csv").write_text(text)
