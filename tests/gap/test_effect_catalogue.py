@@ -521,6 +521,22 @@ def test_references_take_the_positive_sequence_that_the_pll_has_or_one_of_their_
     assert shared == [("pll_sequence.out",)]
 
 
+def test_one_axis_gets_a_loop_while_the_other_keeps_its_reference_from_power():
+    edits = {
+        edit.where: edit.diagram
+        for edit in insertions(
+            textbook("gfl_dual_current"), VOCABULARY, (effect("power_reference"),)
+        )
+    }
+    sources = wire(edits["a loop of q on in_q in place of that axis of i_ref"], VOCABULARY).sources
+    assert sources["reference.in_q"] == ("q_loop.out",)
+    assert sources["q_loop.in_"] == ("power.q",)
+    assert sources["reference.in_d"] == ("reference_p.out",)
+    assert "reference.out" in sources["current.in_"]
+    assert "reference.out" in sources["negative.in_"]
+    assert "i_ref.out" not in sources["current.in_"]
+
+
 def test_what_filters_the_voltage_of_the_references_is_put_in_and_taken_out():
     plain = textbook("gfl_open_loop")
     (without,) = (

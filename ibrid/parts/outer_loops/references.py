@@ -2,11 +2,11 @@
 all that is measured.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 
 from ibrid.modules.behaviour import Element
-from ibrid.parts.editing.edit import Edit, Strength, cutoff
+from ibrid.parts.editing.edit import Edit, Strength, cutoff, pi_gains
 from ibrid.parts.editing.paths import (
     current_path,
     drive_axis,
@@ -15,6 +15,7 @@ from ibrid.parts.editing.paths import (
     measured_current,
     packs,
     path,
+    power_block,
     regulates,
     regulator,
     row_before,
@@ -34,6 +35,7 @@ from ibrid.signals import Signal
 
 FILTERED = {"omega_c": cutoff(200, 50, 10, nothing=1e-9)}
 CORNER = cutoff(200, 50, 10)
+LOOP = pi_gains((0.01, 0.03, 0.1), (10.0, 30.0, 100.0))
 #: Axis of the current reference, the power that its loop regulates, the slice that takes the axis.
 AXES = (("in_d", "p", "SliceD"), ("in_q", "q", "SliceQ"))
 SECOND = {"k": Strength((-0.1, -0.2, -0.4), 0.0)}
@@ -50,6 +52,7 @@ def _power_reference(view: View) -> Iterator[Move]:
             lambda draft, name=name: draft.remove(name),
         )
     yield from _reference_voltage(view)
+    yield from _loop_of_one_axis(view)
     if loop is None or present or not view.known("Ref_pq"):
         return
     yield from _reference_of_one_axis(view)
@@ -110,6 +113,39 @@ def _reference_of_one_axis(view: View) -> Iterator[Move]:
             change="replace",
             where=f"{axis} of the current reference, behind a low-pass, in place of {name}",
         )
+
+
+def _loop_of_one_axis(view: View) -> Iterator[Move]:
+    """A loop of one power on its axis, while the other axis keeps its reference from power."""
+    draft = view.draft
+    for name in draft.having(Element.REFERENCE):
+        targets = draft.targets(f"{name}.out")
+        if view.roles.reference not in targets or packs(view):
+            continue
+        for closed, kept in (AXES, AXES[::-1]):
+
+            def regulated(
+                draft: Edit,
+                name: str = name,
+                targets: Sequence[str] = targets,
+                closed: tuple[str, str, str] = closed,
+                kept: tuple[str, str, str] = kept,
+            ) -> None:
+                pack = draft.add("PackDQ", "reference")
+                draft.rewire(f"{name}.out", f"{pack}.out", *targets)
+                scalar = draft.after(f"{name}.out", kept[2], f"reference_{kept[1]}")
+                draft.connect(scalar, f"{pack}.{kept[0]}")
+                power = f"{power_block(draft, view)}.{closed[1]}"
+                measured = draft.negated(power) if closed[1] == "p" else power
+                regulated = draft.after(measured, "PI", f"{closed[1]}_loop", **LOOP)
+                draft.connect(regulated, f"{pack}.{closed[0]}")
+
+            yield Move(
+                f"PI control of {closed[1]} in place of its reference from {name}",
+                regulated,
+                change="replace",
+                where=f"a loop of {closed[1]} on {closed[0]} in place of that axis of {name}",
+            )
 
 
 def _reference_voltage(view: View) -> Iterator[Move]:
@@ -347,6 +383,7 @@ FAMILIES = (
         where_missing(_power_reference, having(Element.REFERENCE)),
         if_gross=4.0,
     ),
+    Family("loop of one axis", "module", (1.0, 1.0, 0.3, 0.1), 2.0, always(_loop_of_one_axis)),
     Family("reference voltage", "module", (0.7, 1.0, 0.3, 0.1), 1.0, always(_reference_voltage)),
     Family(
         "two degrees of freedom",
