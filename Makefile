@@ -39,7 +39,7 @@ demo:
 bench: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.fit
 
-# two minutes: fits of the size that people have; make bench-real ARGS="--only gfm_droop" does a part
+# half an hour: jobs of the size that people have; make bench-real ARGS="--only fit" does those of two minutes
 bench-real: $(STAMP)
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(RUN) -m ibrid_bench.real_sizes $(ARGS)
 
