@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ibrid
+from ibrid.cli import main
 from ibrid.measurement.formats.files import decoded
 from ibrid.measurement.importing.timed.signal_names import signal_of
 
@@ -25,6 +26,12 @@ def test_a_folder_names_the_command_that_reads_its_files(tmp_path, called):
 def test_an_empty_folder_names_no_command(tmp_path):
     with pytest.raises(ibrid.IbridError, match=r"name one of the files in it\.$"):
         ibrid.read_sweep(tmp_path)
+
+
+@pytest.mark.parametrize("folder", [".", "..", "/"])
+def test_a_folder_without_a_name_of_its_own_is_no_sweep(folder, capsys):
+    assert main(["inspect", folder]) == 2
+    assert f"{folder} must be a file; found a folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", ["频率,導纳实部 镕", "时间 (s),电压 喆", "頻率,電壓"])

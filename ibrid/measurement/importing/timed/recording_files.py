@@ -143,7 +143,7 @@ def each_once(paths: Sequence[Path]) -> list[Path]:
     }
     kept: dict[str, Path] = {}
     for file in files:
-        stem = file.with_suffix("").as_posix().lower()
+        stem = (file.parent / file.stem).as_posix().lower()
         if file.suffix.lower() in _WITH_CONFIGURATION and stem in known:
             continue
         of_run = (
