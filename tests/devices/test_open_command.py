@@ -1,15 +1,19 @@
 """`ibrid open`: what it refuses, each in one sentence, and what is kept of a device that stops."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from ibrid_search.opening import open_device
+from ibrid_search.opening.open_device import limits_of
 from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory, read_story
 from model_files import DEVICE, GOOD
 
 import ibrid
 from ibrid.cli import main
+from ibrid.evaluation.record import Record
+from ibrid.playback.limits import limit_named
 from ibrid.schemas import breach
 
 #: A device whose set point never settles, and one that stops answering at its second set point.
@@ -123,3 +127,11 @@ def test_a_reference_inverter_is_opened_and_gone_on_with(capsys, monkeypatch):
     assert main([*options, "--resume"]) == 0
     assert read_story(Path("run")) == story
     assert Path("run/report.html").is_file()
+
+
+def test_a_limit_that_a_deep_dip_shows_is_told_by_its_name_and_values():
+    limit = limit_named("current_limit", "magnitude", False).plain()
+    fitted = {**limit, "parameters": {"i_max": 1.1}, "deviations": {"i_max": 0.01}}
+    record = Record(outcome="ok", settings={"large_signal": [fitted]})
+    assert limits_of(record) == {"current_limit": {"i_max": 1.1}}
+    assert limits_of(replace(record, settings={})) == {}

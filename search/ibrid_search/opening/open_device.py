@@ -269,14 +269,12 @@ class _Opening:
             self._note_answer(known, [sentence])
             return known, {"sentence": sentence, "nrmse": error}
         self._note_answer(known, [gap.sentence])
-        values = dict(gap.repaired.settings.get("large_signal") or {})
         told = {"sentence": gap.sentence, "nrmse": error, "verdict": str(gap.verdict)}
-        if values:
-            with_limits = Structures(
-                known.names, (gap.repaired, *known.records[1:]), known.ruled_out
-            )
-            return with_limits, {**told, "limits": json.loads(json.dumps(values, default=str))}
-        return known, told
+        found = limits_of(gap.repaired)
+        if not found:
+            return known, told
+        with_limits = Structures(known.names, (gap.repaired, *known.records[1:]), known.ruled_out)
+        return with_limits, {**told, "limits": found}
 
     def _note_answer(self, known: Structures, excluded: Sequence[str]) -> None:
         """Write into the newest experiment what followed from it."""
@@ -356,6 +354,12 @@ class _Opening:
             return {**told, "nrmse": error}
         except IbridError as problem:
             return {**told, "refused": f"the model has no answer: {problem}"}
+
+
+def limits_of(record: Record) -> dict[str, dict[str, float]]:
+    """The limits of a record by id, each with its parameters; what JSON carries."""
+    found = record.settings.get("large_signal") or ()
+    return {one["id"]: {name: float(x) for name, x in one["parameters"].items()} for one in found}
 
 
 def _is_kept(earlier: Mapping[str, Any], asked: DeviceExperiment, file: Path) -> bool:
