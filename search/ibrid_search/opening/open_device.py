@@ -270,11 +270,11 @@ class _Opening:
             return known, {"sentence": sentence, "nrmse": error}
         self._note_answer(known, [gap.sentence])
         told = {"sentence": gap.sentence, "nrmse": error, "verdict": str(gap.verdict)}
-        found = limits_of(gap.repaired)
-        if not found:
+        limits = limits_of(gap.repaired)
+        if not limits:
             return known, told
         with_limits = Structures(known.names, (gap.repaired, *known.records[1:]), known.ruled_out)
-        return with_limits, {**told, "limits": found}
+        return with_limits, {**told, "limits": limits}
 
     def _note_answer(self, known: Structures, excluded: Sequence[str]) -> None:
         """Write into the newest experiment what followed from it."""
