@@ -205,7 +205,8 @@ class Record(Frozen):
         with undisturbed():
             from ibrid.assembly.numeric import closed_loop  # python-control is slow to import
 
-        return closed_loop(self.wiring, self._matrices(op, cut), name="inverter")
+        matrices = self._matrices(op, cut)
+        return closed_loop(self.wiring, matrices, name="inverter")
 
     def state_matrix(self, op: str, cut: str | None = None) -> tuple[np.ndarray, tuple[str, ...]]:
         """A and the names of its states, as in `state_space`, without python-control."""

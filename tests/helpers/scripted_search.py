@@ -73,10 +73,11 @@ def record_of(program: str, **changes: Any) -> Record:
 
 
 def context_of(diagram: ibrid.Diagram, *, record: Record | None = None, **changes: Any) -> Context:
-    """The question about how to edit a diagram."""
+    """The question about how to edit a diagram, the only structure that was met."""
     found = record or record_of(ibrid.program_text(diagram))
     asked = {"study": study(), "parent": Evaluated(0, diagram, found), **changes}
-    return Context(**asked)
+    met = asked["study"].hash_of(diagram)
+    return Context(**{"seen": lambda structure: structure == met, **asked})
 
 
 def luck(program: str) -> float:

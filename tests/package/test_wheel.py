@@ -27,8 +27,10 @@ ROOT = Path(__file__).resolve().parents[2]
 #: controller of the negative sequence, arguments that are named where they are wrong or missing.
 #: Then 9,000: files as instruments save them (6,900), sums of sweeps, reprs of models. Then 11,600:
 #: frequencies that fits take at once (4,500), matrices in lists of lists (2,100), plots of diagrams
-#: and inspections (1,800), what pages say of units, bands and hashes, words of four languages.
-NODES = 772_000
+#: and inspections (1,800), what pages say of units, bands and hashes, words of four languages. Then
+#: 3,000: dual current control, references of one axis, parts exchanged for what they are confused
+#: with (2,800).
+NODES = 775_000
 #: What a script of the user's may be called without being in the way.
 SHADOW = "raise RuntimeError('a file of the user was imported in place of a package')\n"
 
