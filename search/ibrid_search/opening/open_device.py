@@ -271,7 +271,7 @@ class _Opening:
         self._note_answer(known, [gap.sentence])
         told = {"sentence": gap.sentence, "nrmse": error, "verdict": str(gap.verdict)}
         limits = limits_of(gap.repaired)
-        if not limits:
+        if not limits or gap.verdict != "named":  # what does not explain the dip spoils the answer
             return known, told
         with_limits = Structures(known.names, (gap.repaired, *known.records[1:]), known.ruled_out)
         return with_limits, {**told, "limits": limits}
