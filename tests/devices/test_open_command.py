@@ -3,11 +3,13 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from ibrid_search.opening import open_device
-from ibrid_search.opening.open_device import limits_of
+from ibrid_search.opening.open_device import _Opening, limits_of
 from ibrid_search.opening.story import STORY, DeviceExperiment, OpeningStory, read_story
+from ibrid_search.opening.structures import Structures
 from model_files import DEVICE, GOOD
 
 import ibrid
@@ -135,3 +137,26 @@ def test_a_limit_that_a_deep_dip_shows_is_told_by_its_name_and_values():
     record = Record(outcome="ok", settings={"large_signal": [fitted]})
     assert limits_of(record) == {"current_limit": {"i_max": 1.1}}
     assert limits_of(replace(record, settings={})) == {}
+
+
+@pytest.mark.parametrize("verdict", ["named", "unexplained"])
+def test_the_answer_of_the_sweeps_is_kept_where_no_limit_explains_a_dip(monkeypatch, verdict):
+    before = Record(outcome="ok", program="before")
+    limit = {"id": "current_limit", "parameters": {"i_max": 1.1}}
+    repaired = Record(outcome="ok", program="after", settings={"large_signal": [limit]})
+    gap = SimpleNamespace(sentence="The device has a limit.", verdict=verdict, repaired=repaired)
+    monkeypatch.setattr(open_device, "read_events", lambda _: None)
+    monkeypatch.setattr(open_device, "played_error", lambda *_: 1.0)
+    monkeypatch.setattr(open_device, "find_gap", lambda *_, **__: gap)
+    dip = SimpleNamespace(refused="", file="dip.csv", event="dip:0.3")
+    opening = SimpleNamespace(
+        story=SimpleNamespace(experiments=[dip]),
+        folder=Path(),
+        effort="low",
+        _data=lambda: (None, None),
+        _heard=lambda *_: None,
+        _note_answer=lambda *_: None,
+    )
+    found, told = _Opening._find_limits(opening, Structures(("hash",), (before,), ()))
+    assert found.answer is (repaired if verdict == "named" else before)
+    assert told.get("limits", {}) == (limits_of(repaired) if verdict == "named" else {})
